@@ -147,7 +147,7 @@ def test_no_feature_lies_where_a_mask_is_black(corner: Path, tmp_path: Path) -> 
     assert found.unregistered == ("view 0.png", "view 7.png")
 
 
-def test_what_cannot_be_posed_is_refused_in_three_parts(corner: Path, tmp_path: Path) -> None:
+def test_captures_without_poses_are_refused_in_three_parts(corner: Path, tmp_path: Path) -> None:
     few, blank = tmp_path / "few", tmp_path / "blank"
     for folder in (few, blank):
         folder.mkdir()

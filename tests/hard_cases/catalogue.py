@@ -292,7 +292,7 @@ CASES = (
         49, "masks", "metrics", "empty, one pixel, full; NaN outside", "named n/a; invariance to what is outside",
         "exact", (),
         (
-            "metrics/test_pictures.py::test_what_lies_outside_a_mask_does_not_count_even_if_it_is_nan",
+            "metrics/test_pictures.py::test_pixels_outside_a_mask_do_not_count_even_if_nan",
             "metrics/test_shape.py::test_nan_outside_the_mask_does_not_leak_and_an_empty_mask_has_no_figure",
         ),
     ),

@@ -62,7 +62,7 @@ def test_a_centre_on_the_cameras_plane_does_not_pop(depth: float) -> None:
 
 
 @pytest.mark.case(17)
-def test_a_surfel_at_the_cameras_centre_is_not_drawn_and_harms_none() -> None:
+def test_a_surfel_at_the_cameras_centre_is_not_drawn_and_harms_no_other() -> None:
     camera, sound, inside = looking_along_z(), raw_surfels(8), raw_surfels(1)
     inside.centre = torch.zeros(1, 3, requires_grad=True)
     found = seen(camera, joined(sound, inside))

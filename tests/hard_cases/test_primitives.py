@@ -185,7 +185,7 @@ def test_a_surfel_seen_exactly_edge_on_or_from_behind_is_not_met(tilt: float) ->
 
 @pytest.mark.case(10)
 @pytest.mark.parametrize("scale", [1e-3, 1e-2, 10.0, 1e3])
-def test_what_faces_the_camera_does_not_depend_on_the_scenes_scale(scale: float) -> None:
+def test_facing_the_camera_does_not_depend_on_the_scenes_scale(scale: float) -> None:
     """Normals within 0.02 of edge-on; at most 0.1 % of the pixels may round to the other side."""
     camera = looking_along_z(30, 30, 30.0)
     count = 60

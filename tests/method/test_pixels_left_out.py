@@ -150,7 +150,7 @@ def test_starting_points_come_from_pixels_that_count() -> None:
     assert float((found[1].colours - 0.9).abs().sum(-1).min()) > 0
 
 
-def test_a_silhouette_says_nothing_where_pixels_are_left_out() -> None:
+def test_excluded_pixels_are_neither_inside_nor_outside_a_silhouette() -> None:
     view = scene_of(0.9).train[0]
     silhouette, points = Silhouette.of(view), 2 * torch.rand(500, 3, generator=torch.Generator().manual_seed(2)) - 1
     pixel, _, in_frame = view.camera.project(points)

@@ -190,7 +190,7 @@ def test_what_a_mask_excludes_cannot_leak_and_an_empty_one_is_no_perfect_score(n
     assert {value.reason for value in empty.values()} == {"the mask is empty"}
 
 
-def test_what_a_code_does_not_score_is_not_available() -> None:
+def test_maps_that_a_code_does_not_score_are_not_available() -> None:
     image, ones = torch.rand(16, 16, 3), torch.ones(16, 16, 1)
     for name, scores in {
         "r3dg": protocol("r3dg").score_normal(image, image, ones),

@@ -103,7 +103,7 @@ def test_eight_bits_cost_a_fifth_of_a_degree() -> None:
     assert rounded == pytest.approx(0.17, abs=0.02)
 
 
-def test_a_protocol_says_that_its_mask_is_empty() -> None:
+def test_a_protocol_gives_an_empty_mask_as_reason() -> None:
     found = protocol("default").score_normal(towards(degrees=0), towards(degrees=0), torch.zeros(4, 4, 1))["mae"]
     assert (found.value, found.reason) == (None, "the mask is empty")
 
@@ -163,7 +163,7 @@ def test_the_seed_decides_the_points() -> None:
     assert first == again != other
 
 
-def test_distances_from_cells_are_those_from_the_solids() -> None:
+def test_distances_from_cells_agree_with_the_solids() -> None:
     generator = np.random.default_rng(0)
     directions = generator.normal(size=(500, 3))
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)

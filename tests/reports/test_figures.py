@@ -322,7 +322,7 @@ def test_a_light_is_scaled_by_the_factor_that_fits_best_over_the_sphere() -> Non
     assert found[2] == 0
 
 
-def test_tone_mapping_tells_a_sun_and_its_sky_from_white_at_any_brightness() -> None:
+def test_tone_mapping_separates_sun_sky_and_white_at_any_brightness() -> None:
     """Values against the formula, for a grey sky whose log-mean is its own luminance but for the sun's texel."""
     sky = np.full((16, 32, 3), 0.7)
     sky[4, 16] = 200.0

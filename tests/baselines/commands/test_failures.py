@@ -63,7 +63,7 @@ def test_a_crash_says_what_the_code_said_last_and_where_its_log_is(cell_of: Cell
     assert [state["done"] is not None for state in bench.states] == [True, False]
 
 
-def test_what_was_done_before_a_crash_is_not_done_again(tmp_path: Path, cell_of: Cells) -> None:
+def test_commands_finished_before_a_crash_do_not_run_again(tmp_path: Path, cell_of: Cells) -> None:
     """Also where the harness was killed before it had stored that the command was done."""
     note = tmp_path / "note"
     text = toml([f"{FIRST}|--note|{note}", f"{SECOND}|--note|{note}|--habit|crash after half"])
@@ -103,7 +103,7 @@ def test_children_in_sessions_of_their_own_are_ended_with_the_command(cell_of: C
     assert not any(map(lives, numbers))
 
 
-def test_what_outlives_a_command_that_ended_well_is_ended(cell_of: Cells) -> None:
+def test_processes_that_outlive_their_command_are_ended(cell_of: Cells) -> None:
     bench = cell(cell_of, f"{SECOND}|--habit|leave an orphan")
     bench.train()
     assert [lives(pid) for pid in orphans(bench.workspace)] == [False]
@@ -203,7 +203,7 @@ def test_an_image_that_is_cut_off_is_an_error(cell_of: Cells, shelf: Shelf) -> N
         assert "is damaged" in failure.value.why
 
 
-def test_what_must_be_rendered_and_is_not_is_an_error(cell_of: Cells, shelf: Shelf) -> None:
+def test_unrendered_views_are_an_error(cell_of: Cells, shelf: Shelf) -> None:
     text = toml([FIRST], f"{shelf('gs-ir')}\nmaps = ['image', 'indirect']", reader="gs-ir")
     trained = cell_of(text).train()
     with pytest.raises(CommandFailed) as failure:
@@ -323,7 +323,7 @@ def test_a_full_disk_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_memory_is_that_of_all_processes(cell_of: Cells) -> None:
+def test_memory_is_summed_over_all_processes(cell_of: Cells) -> None:
     trained = cell(cell_of, f"{SECOND}|--habit|take memory").train()
     peaks = {name: record["peak_bytes"] or 0 for name, record in trained.product.items()}  # None: ended before a sample
     assert peaks["stage-2"] > 200 * 2**20 > peaks["stage-1"]

@@ -63,7 +63,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_in_a_file_is_said(case: str, tmp_path: Path) -> None:
+def test_wrong_values_in_a_file_are_named(case: str, tmp_path: Path) -> None:
     text, what, hint = WRONG[case]
     with pytest.raises(UsageError) as error:
         method_of(tmp_path, text)
@@ -133,7 +133,7 @@ def test_settings_are_those_of_the_scene(tmp_path: Path, cell_of: Cells) -> None
         assert (bench.workspace / "output" / "model-1.pth").stat().st_size == size
 
 
-def test_a_light_or_camera_that_is_none_of_the_scenes_is_refused(convex: Scene, cell_of: Cells) -> None:
+def test_a_light_or_camera_outside_the_scene_is_refused(convex: Scene, cell_of: Cells) -> None:
     trained = cell_of(SOUND).train()
     with pytest.raises(DataError, match="a light that is not one of the scene's"):
         trained.prepare(EnvironmentMap(torch.ones(2, 4, 3)))

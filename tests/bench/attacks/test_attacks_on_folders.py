@@ -168,7 +168,7 @@ def with_holes(path: Path) -> None:
         ("stages/*.pt", "verify"),
     ],
 )
-def test_what_is_no_regular_file_of_bounded_size_is_refused_unread(
+def test_irregular_and_too_large_files_are_refused_unread(
     name: str, command: str, put: Callable[[Path], None], run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Attack results_folder_pipes: these hung, or took all memory."""

@@ -112,7 +112,7 @@ def files_of(run: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.slow
-def test_no_message_promises_that_a_command_makes_again_what_only_run_makes(
+def test_only_run_promises_to_make_results_again(
     run: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Audit M37: "will be made again" was said by commands that make nothing; ``verify`` names the one that does."""

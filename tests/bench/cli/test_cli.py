@@ -167,7 +167,7 @@ def test_a_suite_has_a_protocol_of_its_own_unless_one_is_named(
 
 
 @pytest.mark.parametrize("command", [["--help"], ["run", "--help"], ["datasets", "list"], ["methods"]])
-def test_help_and_names_come_without_importing_what_is_slow(command: list[str]) -> None:
+def test_help_and_names_need_no_slow_imports(command: list[str]) -> None:
     code = (
         "import sys\n"
         "from radiogs_bench.cli import main\n"
@@ -217,7 +217,7 @@ def test_the_version_has_the_commit(capsys: pytest.CaptureFixture[str]) -> None:
     assert re.fullmatch(rf"radiogs-bench {radiogs_bench.__version__}, commit {commit}\n", capsys.readouterr().out)
 
 
-def test_a_plan_is_announced_before_what_is_slow_is_imported() -> None:
+def test_a_plan_is_announced_before_slow_imports() -> None:
     told = 'lambda self, task, *steps: sys.exit(f\'{task}: {sorted({"torch", "numpy"} & sys.modules.keys())}\')'
     code = "import sys; from radiogs_bench.cli import main; from radiogs_bench.runs.progress import LogProgress as Log"
     run = f"{code}; Log.advance = {told}; main(['run', 'ablations', '--dry-run'])"
@@ -423,7 +423,7 @@ def test_repairs_of_a_scene_are_printed_before_anything_runs(
     assert told == [f"convex: {repair}" for repair in repairs]
 
 
-def test_a_dry_run_says_what_could_be_shown_and_what_a_difference_needs(
+def test_a_dry_run_prints_resolvable_differences_and_needed_seeds(
     run: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run("--dry-run") == 0

@@ -64,7 +64,7 @@ def test_a_file_of_lamps_that_is_none_is_refused_by_its_field(content: str, mess
         ("--lamp 0,45", "Unknown option: --lamp"),
     ],
 )
-def test_lights_that_cannot_be_are_told_before_a_model_is_opened(
+def test_impossible_lights_are_refused_before_a_model_is_opened(
     options: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["relight", str(tmp_path / "no-model"), *options.split()]) == 2

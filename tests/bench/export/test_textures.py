@@ -235,7 +235,7 @@ def test_a_model_without_roughness_is_refused(balls: Textured) -> None:
         (["--mesh", "--to", "csv"], "", "ask for two files"),
     ],
 )
-def test_what_cannot_be_written_is_said_before_anything_is_read(
+def test_unwritable_output_is_refused_before_anything_is_read(
     options: list[str],
     missing: str,
     complaint: str,

@@ -245,7 +245,7 @@ def test_a_note_of_an_earlier_download_that_is_damaged_begins_it_anew(
 
 
 @pytest.mark.parametrize("content", [b"[]", b"\xff", b"1", None])
-def test_a_damaged_list_of_what_was_fetched_is_named(content: bytes | None, server: Server, tmp_path: Path) -> None:
+def test_a_damaged_record_of_fetched_files_is_named(content: bytes | None, server: Server, tmp_path: Path) -> None:
     chosen = some_set(server)
     path = tmp_path / chosen.name / "fetched.json"
     path.parent.mkdir()
@@ -271,7 +271,7 @@ def some_set(server: Server, **of_lego: object) -> DataSet:
     )  # fmt: skip
 
 
-def test_a_data_set_is_fetched_once_and_what_it_was_is_recorded(server: Server, tmp_path: Path) -> None:
+def test_a_data_set_is_fetched_once_and_recorded(server: Server, tmp_path: Path) -> None:
     said: list[str] = []
     chosen = some_set(server)
     for _ in range(2):
@@ -295,7 +295,7 @@ def test_a_file_that_is_not_the_published_one_is_not_kept(
     assert not list((tmp_path / "some-set").iterdir())
 
 
-def test_without_a_network_it_is_said_what_to_fetch_and_where_to_put_it(server: Server, tmp_path: Path) -> None:
+def test_without_a_network_files_to_fetch_and_their_places_are_listed(server: Server, tmp_path: Path) -> None:
     chosen = some_set(server)
     gone = DataSet("some-set", "Some set", "https://page.example", "", tuple(
         Piece(piece.name, piece.url.replace(str(server.server_port), "1"), piece.into, piece.packed)

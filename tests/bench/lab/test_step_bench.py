@@ -150,7 +150,7 @@ def test_time_is_charged_to_the_part_and_the_direction_that_took_it() -> None:
     assert placed(None) == "other, forward"
 
 
-def test_page_faults_are_those_of_memory_that_is_new() -> None:
+def test_page_faults_count_new_memory() -> None:
     times, pages = Times(CPU, counts=False), 4096
     kept = mmap.mmap(-1, pages * mmap.PAGESIZE)
 
@@ -164,7 +164,7 @@ def test_page_faults_are_those_of_memory_that_is_new() -> None:
     assert times.faults["again"][0] < pages / 10
 
 
-def test_frames_by_rays_are_told_beside_those_by_surfels_alone() -> None:
+def test_frames_by_rays_are_compared_with_frames_by_surfels() -> None:
     def frames(way: str, seconds: float) -> dict[str, Any]:
         return {"title": f"relighting {way}: a frame", "median": seconds}
 

@@ -51,7 +51,7 @@ def sweep(*rows: str, columns: tuple[str, ...] = COLUMNS) -> Any:
     }
 
 
-def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> None:
+def test_undetermined_roughness_marks_its_rows_with_measurements() -> None:
     cells = [
         cell("ours", determined={"roughness": record(False, **HIDDEN, decibels=0.0123)}),
         cell("glossy", determined={"roughness": record(True)}),
@@ -171,7 +171,7 @@ def test_no_better_than_a_constant_is_judged_over_all_cells_of_a_row() -> None:
     assert no_better_than_constant(cells, "roughness/mse") == []
 
 
-def test_a_remark_says_what_error_resolution_alone_costs_and_who_has_no_more() -> None:
+def test_a_remark_states_the_error_of_resolution_and_rows_near_it() -> None:
     def light(row: str, error: float, floor: float) -> tuple[Any, Any]:
         return cell(row, metrics={"environment/error_scaled": error, "environment/floor": floor})
 

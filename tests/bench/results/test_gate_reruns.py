@@ -94,7 +94,7 @@ def test_the_rerun_passes(runs: tuple[Path, Path], baseline: dict[str, Any]) -> 
     assert compared(runs[1], baseline, ()) == []
 
 
-def test_a_rerun_with_the_same_threads_or_of_another_run_is_none(
+def test_a_rerun_needs_other_threads_and_the_same_run(
     runs: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     making = ["gate", str(runs[0]), "--baseline", str(tmp_path / "baseline.json"), "--update", "--rerun"]

@@ -69,7 +69,7 @@ def parts_of(words: str, form: str) -> list[str]:
     return [words.replace(f" ({names})", ""), f"Scenes: {names}."] if form == "paper.tex" else [words]
 
 
-def test_every_form_has_the_same_means_and_says_over_what(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_form_has_the_same_means_and_states_their_units(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", str(folder), "--no-pictures"]) == 0
     told = capsys.readouterr()
     assert main(["report", str(folder), "--style", "paper", "--no-pictures"]) == 0
@@ -94,7 +94,7 @@ def test_every_form_has_the_same_means_and_says_over_what(folder: Path, capsys: 
     assert stored["mean"] == 26.0
 
 
-def test_tables_of_the_paper_say_over_what_they_are(folder: Path) -> None:
+def test_tables_of_the_paper_state_the_units_of_their_means(folder: Path) -> None:
     summary = summary_of(folder)
     (stored,) = summary["paper"]
     assert stored["cells"]["ours"]["nvs/psnr"]["mean"] == 26.0
@@ -103,7 +103,7 @@ def test_tables_of_the_paper_say_over_what_they_are(folder: Path) -> None:
         assert WORDS in plain(text)
 
 
-def test_a_record_says_over_what_its_means_are_by_its_kinds_or_by_its_intervals(folder: Path) -> None:
+def test_a_record_states_the_units_of_its_means_by_kinds_or_intervals(folder: Path) -> None:
     run = recorded(summary_of(folder))
     assert mean_over(run) == WORDS
     del run["kinds"]

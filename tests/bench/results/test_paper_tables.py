@@ -57,7 +57,7 @@ def test_the_suites_own_table_has_its_means_and_paired_differences(sweep: FakeSw
     assert difference["mean"] == pytest.approx(sum(detached) / 2 - sum(ours) / 2)
 
 
-def test_a_row_on_another_scene_or_budget_says_what_ran(sweep: FakeSweep) -> None:
+def test_a_row_on_another_scene_or_budget_states_its_conditions(sweep: FakeSweep) -> None:
     """The numbers that a label names are those that ran, not the paper's."""
     budget = PRESETS["smoke"]
     numbers = f"preset smoke, N_g {budget.consistency_surfels}, N_s {budget.incident_samples}; fake; 40 x 40; CPU"

@@ -180,7 +180,7 @@ def test_a_field_that_only_rendering_reads_changes_the_result_and_no_stage() -> 
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
-def test_stages_are_chained_and_the_first_and_last_of_them_name_what_is_shared(count: int) -> None:
+def test_stages_are_chained_with_a_first_and_a_last_key(count: int) -> None:
     """Stages that read and do the same are still different products, one after the other."""
 
     class Alike(Chain):
@@ -213,7 +213,7 @@ def test_other_sources_that_score_keep_the_trained_model() -> None:
     assert changed(other, fake_cell()) == [False, False, True]
 
 
-def test_scores_along_the_way_are_part_of_what_the_last_stage_leaves() -> None:
+def test_scores_during_training_are_part_of_the_last_stages_product() -> None:
     assert changed(fake_cell(experiment=COST), fake_cell()) == [False, True, True]
     assert changed(fake_cell(experiment=COST, protocol="irgs"), fake_cell(experiment=COST)) == [False, True, True]
 
@@ -234,7 +234,7 @@ def test_every_field_of_the_variant_is_in_the_content() -> None:
 
 
 @pytest.mark.parametrize("variant", [Variant(deviations=tuple(DEVIATIONS)), Variant(effects=("visibility",))])
-def test_the_content_is_what_a_stored_result_gives_back(variant: Variant) -> None:
+def test_a_stored_result_returns_the_content_of_its_cell(variant: Variant) -> None:
     """Else nothing that is looked for by its content is ever found in a store."""
     content = fake_cell(variant=variant).content()
     assert json.loads(json.dumps(content)) == content
@@ -367,7 +367,7 @@ def keys_with(copies: SourceTree, module: str, file: Path, content: bytes) -> di
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_a_constant_changes_the_keys_of_what_it_decides_and_no_other(
+def test_a_constant_changes_only_the_keys_that_depend_on_it(
     module: str, copies: SourceTree, unchanged: dict[str, str]
 ) -> None:
     path = copies.file(module)

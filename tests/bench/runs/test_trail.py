@@ -148,7 +148,7 @@ def recorded(stage: Any) -> list[FirstStep]:
     return first.steps
 
 
-def test_lengths_are_those_of_the_gradient_and_of_what_the_step_added() -> None:
+def test_lengths_of_gradient_and_update_are_recorded() -> None:
     steps = recorded(Descent())
     assert [step["iteration"] for step in steps] == list(range(1, FIRST_STEPS + 1))
     for number, step in enumerate(steps):

@@ -188,7 +188,7 @@ def dense_rise(painted: Painted, views: Any) -> float:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_the_free_rise_is_what_no_answer_hides(share: float) -> None:
+def test_the_free_rise_is_the_rise_that_no_answer_hides(share: float) -> None:
     views = scene().train
     painted = Painted(scene(), int(share * views[0].camera.width))
     shown = [painted.images("roughness", amount) for amount in (0.0, 0.1, -0.1)]

@@ -55,7 +55,7 @@ def maps(**given: float) -> dict[str, torch.Tensor]:
     return {"alpha": ALPHA, **{name: torch.full((*SIZE, 1 if name in one else 3), v) for name, v in given.items()}}
 
 
-def test_straight_maps_are_multiplied_by_coverage_but_not_those_of_geometry() -> None:
+def test_straight_maps_except_geometry_are_multiplied_by_coverage() -> None:
     given = maps(image=0.5, albedo=0.25, roughness=0.5, normal=0.6, depth=3.0)
     found = on_black(STRAIGHT, given)
     for name in ("image", "albedo", "roughness"):

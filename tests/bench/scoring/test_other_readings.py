@@ -92,7 +92,7 @@ def test_nothing_is_said_of_right_and_of_bad_images(tmp_path: Path, scene: Scene
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mirror", "front_plain"])
 @pytest.mark.parametrize("kind", ["image", "albedo"])
-def test_nothing_is_said_of_images_that_are_bad_in_any_way(tmp_path: Path, name: str, kind: str) -> None:
+def test_images_that_are_merely_bad_cause_no_remark(tmp_path: Path, name: str, kind: str) -> None:
     scene = few(name)
     for what, change in BAD.items():
         assert said(write(tmp_path / what, scene, kind, change), scene) == [], what

@@ -163,7 +163,7 @@ def test_views_whose_names_are_numbers_are_read_by_their_place_where_only_that_i
         read_predictions(tmp_path, renamed)
 
 
-def test_images_that_are_no_views_are_listed_with_what_they_would_have_to_be_called(
+def test_images_without_a_view_are_listed_with_the_expected_names(
     folders: dict[str, Path], scene: Scene, tmp_path: Path
 ) -> None:
     for view in scene.test:

@@ -283,7 +283,7 @@ def test_images_of_any_case_ending_and_iteration_are_paired(
         ("a/b/test_{k:03}.jpg", 1, 0, "Give the folder that holds them: .*/a/b. Or call"),
     ],
 )
-def test_a_refusal_says_what_lies_there_and_what_to_do(
+def test_a_refusal_lists_the_folders_content_and_a_remedy(
     name: str, wide: int, first: int, said: str, scene: Scene, tmp_path: Path
 ) -> None:
     for place, image in enumerate(images_of(scene), start=first):

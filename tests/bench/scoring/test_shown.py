@@ -268,7 +268,7 @@ def test_the_surfels_with_the_most_coverage_are_kept_of_a_large_model(
     assert arrays["surfels/count"].tolist() == [COUNT]
 
 
-def test_radiance_beyond_half_precision_is_the_largest_number_of_it(surfels: Surfels) -> None:
+def test_radiance_beyond_half_precision_is_clipped_to_its_largest_number(surfels: Surfels) -> None:
     arrays = surfel_arrays(Model(replace(surfels, sh=surfels.sh + 1e6)), SEEN_FROM, {})
     assert np.isfinite(arrays["surfels/radiance"]).all()
     assert arrays["surfels/radiance"].min() == 65504

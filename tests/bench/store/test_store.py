@@ -83,7 +83,7 @@ def test_a_damaged_result_counts_as_absent_and_is_kept_aside(
         ({"sessions": {"fit": [{**session(CPU), "git": {"dirty": False}}]}}, "sessions.fit[0].git lacks 'commit'"),
     ],
 )
-def test_a_result_that_lacks_what_it_speaks_of_counts_as_absent(
+def test_a_result_that_lacks_its_own_parts_counts_as_absent(
     changes: dict[str, Any], says: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Its types and its seal are right, as where a hand or another program wrote it."""

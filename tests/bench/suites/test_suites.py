@@ -459,7 +459,7 @@ def test_a_change_beyond_its_tolerance_fails_with_the_condition_and_the_size(
     assert f"ours, {SAME[1]}, nvs/psnr {moved - 30:+.2f} dB." in caught.value.why
 
 
-def test_without_the_miniature_itself_nothing_is_claimed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_miniature_itself_there_is_no_verdict(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cells = cells_with({SAME[0]: [30.0], BASE: [None]}, monkeypatch)
     assert "Invariance was not measured" in invariance_kept(Store(tmp_path), cells)
 

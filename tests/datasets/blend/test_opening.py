@@ -44,7 +44,7 @@ def opened(blender: Blender, path: Path) -> Any:
     return blender.ask("open", file=str(path), device="cpu", threads=1)
 
 
-def test_what_a_file_holds_is_told(blender: Blender, tmp_path: Path) -> None:
+def test_the_content_of_a_file_is_described(blender: Blender, tmp_path: Path) -> None:
     code = """
 add("one"); add("two", 4.0).hide_render = True
 bpy.ops.object.light_add(type="SUN"); bpy.ops.object.camera_add()
@@ -57,7 +57,7 @@ scene.unit_settings.scale_length = 0.001
 
 
 @pytest.mark.parametrize("content", [b"", b"BLENDER", b"not a file of Blender's" * 100])
-def test_what_is_no_blend_file_is_an_error(blender: Blender, tmp_path: Path, content: bytes) -> None:
+def test_other_files_than_blend_files_are_an_error(blender: Blender, tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.blend").write_bytes(content)
     with pytest.raises(DataError, match=r"is no \.blend file"):
         opened(blender, tmp_path / "a.blend")

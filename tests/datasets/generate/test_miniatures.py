@@ -208,7 +208,7 @@ def test_each_scene_shows_the_effect_that_it_is_for(name: str) -> None:
         assert low <= metadata[share] <= high, share
 
 
-def test_the_stated_share_of_indirect_light_is_that_of_the_maps(scene: Scene) -> None:
+def test_the_stated_share_of_indirect_light_agrees_with_the_maps(scene: Scene) -> None:
     sums = [sum(float(view.read(kind).sum()) for view in scene.test) for kind in ("indirect", "direct")]
     metadata = json.loads((TINY / scene.name / "metadata.json").read_text())
     # The maps have half floats, the statement four digits; what is seen beside a solid is not in the maps.

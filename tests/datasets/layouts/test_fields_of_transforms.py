@@ -84,7 +84,7 @@ def test_a_field_that_could_change_an_image_is_refused_by_name(
 
 
 @pytest.mark.parametrize("nothing", [0, 0.0, None, False, [], [0, 0], ""])
-def test_a_field_that_says_nothing_is_no_reason(tmp_path: Path, nothing: object) -> None:
+def test_an_empty_field_does_not_refuse_a_scene(tmp_path: Path, nothing: object) -> None:
     """Audit M10: writers put all coefficients of their models into every file."""
     assert read_transforms(table(tmp_path / "a.json", PIXELS | {"skew": nothing, "k9": nothing})).said == ()
 
@@ -205,7 +205,7 @@ def test_fields_that_name_a_photo_are_passed_over(tmp_path: Path, field: str, va
 
 @pytest.mark.parametrize("field", ["fl_x", "cx", "w", "k1"])
 @pytest.mark.parametrize("value", ["1" * 320, "Infinity", "NaN", "-Infinity", "1e999"])
-def test_numbers_that_are_none_are_named(tmp_path: Path, field: str, value: str) -> None:
+def test_values_that_are_not_numbers_are_named(tmp_path: Path, field: str, value: str) -> None:
     """Audit M23: integers over 1e308 and w: Infinity ended in tracebacks."""
     path = table(tmp_path / "a.json", PIXELS | {"k1": 0.5, field: 12345})
     path.write_text(path.read_text().replace("12345", value))

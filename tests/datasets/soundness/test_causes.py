@@ -83,7 +83,7 @@ WRONG_MASKS = r"agree with the cameras: masks are wrong$"
         (lambda look: look, ALL, True, None),
     ],
 )
-def test_outlines_accuse_what_explains_them_and_nothing_that_images_contradict(
+def test_outlines_blame_their_best_cause_unless_images_contradict_it(
     change: Change, views: slice, painted: bool, says: str | None
 ) -> None:
     found = [f"{finding.place}: {finding.what}" for finding in silhouettes(changed(sound(painted), change, views))]

@@ -75,7 +75,7 @@ def test_mixed_bits_and_lights_without_a_map_are_remarked_on(corner: Path) -> No
     assert places(corner) == set()
 
 
-def test_the_command_prints_json_and_says_by_its_code(corner: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_json_and_sets_its_exit_code(corner: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["datasets", "check", str(corner), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"scene": str(corner), "sound": True, "findings": []}
     (corner / "train_000/rgba.png").write_bytes(b"")

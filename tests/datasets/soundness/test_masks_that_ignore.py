@@ -91,7 +91,7 @@ def test_an_alpha_stays_coverage_beside_masks_that_leave_out(capture: Path) -> N
     assert "alpha is 1 in all of its photos, which says nothing" in whole.repairs
 
 
-def test_a_transforms_file_may_say_what_black_means(capture: Path) -> None:
+def test_a_transforms_file_may_state_the_meaning_of_black(capture: Path) -> None:
     views = load_scene(str(capture)).train
     shutil.copytree(capture.parent / "holes", capture / "holes")
     table = {"fl_x": 131.9, "fl_y": 131.9, "cx": 48, "cy": 48, "w": 96, "h": 96, "masks": "ignore", "frames": []}
@@ -168,7 +168,7 @@ def said(folder: Path, options: SceneOptions) -> list[str]:
     return [finding.what for finding in check_scene(str(folder), options).findings if "coverage" in finding.what]
 
 
-def test_the_check_asks_what_black_means_where_it_is_not_said(capture: Path) -> None:
+def test_the_check_asks_for_the_meaning_of_black_if_unstated(capture: Path) -> None:
     options = opened(capture)
     (question,) = said(capture, replace(options, masks=None))
     assert "--masks ignore" in question

@@ -92,7 +92,7 @@ def test_an_image_of_training_is_known_by_its_pixels_when_its_bytes_differ(repea
     assert said == f"2 of 8 {NOT_NEW}: a training view has their image: test_000 (train_000), test_002 (train_002)"
 
 
-def test_views_that_are_not_new_are_said_by_check_and_in_the_tables_remarks(repeated: Path) -> None:
+def test_check_and_remarks_name_test_views_that_are_not_new(repeated: Path) -> None:
     image, pose = (said for said in load_scene(str(repeated)).repairs if NOT_NEW in said)
     assert pose.startswith(f"2 of 8 {NOT_NEW}: a training view has their pose: test_000 (train_000), test_001")
     assert image == f"1 of 8 {NOT_NEW}: a training view has their image: test_000 (train_000)"

@@ -163,7 +163,7 @@ def test_damage_within_a_jpegs_scan_is_an_error(tmp_path: Path, capfd: pytest.Ca
     assert capfd.readouterr().err == ""
 
 
-def test_what_others_print_while_a_jpeg_is_decoded_is_not_lost(
+def test_output_of_others_while_a_jpeg_is_decoded_is_not_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Audit M14: libjpeg's warnings are read from standard error, which others use as well."""
@@ -197,7 +197,7 @@ def test_damaged_pixels_of_an_exr_are_an_error_and_nothing_is_printed(
     assert capfd.readouterr() == ("", "")
 
 
-def test_what_openexr_complains_of_is_an_error_even_if_it_returns_pixels(
+def test_openexrs_complaints_are_errors_even_if_it_returns_pixels(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     write_exr(tmp_path / "a.exr", np.ones((4, 4, 3), np.float32))

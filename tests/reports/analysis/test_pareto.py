@@ -20,7 +20,7 @@ def alike(count: int) -> list[Sample]:
 
 
 @pytest.mark.parametrize("units", [1, 3])
-def test_without_two_rows_that_are_told_apart_there_is_no_front(units: int) -> None:
+def test_without_two_resolved_rows_there_is_no_front(units: int) -> None:
     """A line through single values, or through the cheapest row alone, would be one through noise."""
     noise = [seeds(30.0, 31.0, 32.0), seeds(30.5, 30.9, 32.2), seeds(31.9, 30.0, 31.2)]
     costs, qualities = ([seeds(*list(each.values())[:units]) for each in made] for made in (alike(3), noise))

@@ -81,7 +81,7 @@ def test_no_command_of_latex_comes_from_a_text(reports: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("latex", LATEX)
-def test_a_label_that_is_more_than_mathematics_gives_way_to_the_text_of_its_row(latex: str) -> None:
+def test_a_label_beyond_mathematics_is_replaced_by_the_rows_text(latex: str) -> None:
     made = summary()
     for row in made["rows"]:
         row["latex"] = latex

@@ -320,7 +320,7 @@ def test_stages_between_the_first_and_the_last_are_shared_too(tmp_path: Path) ->
     assert kept == {stage.key for cell in cells for stage in cell.stages}
 
 
-def test_found_methods_travel_without_what_was_found() -> None:
+def test_found_methods_are_pickled_without_the_methods() -> None:
     found = FoundMethods()
     assert found("radiogs") is found("radiogs")
     sent = pickle.dumps(found)

@@ -126,7 +126,7 @@ def test_radiance_that_has_arrived_is_shaded_as_the_light_that_it_comes_from() -
     assert_equal_slopes((found * pull).sum(), (expected * pull).sum(), learnt)
 
 
-def test_what_arrives_at_a_surfel_does_not_depend_on_the_others_to_the_bit() -> None:
+def test_light_arriving_at_a_surfel_is_bitwise_independent_of_others() -> None:
     """A stage that goes on from a stored state computes all of it at once, and one that runs on some at a time."""
     given = {name: value.float() for name, value in inputs(samples=LANES_ON_CPU + 5).items()}
     names, every = ("direction", "visibility", "indirect"), torch.arange(12)

@@ -72,7 +72,7 @@ def test_fresh_surfels_face_where_they_are_seen_from() -> None:
     assert ((surfels.frame[..., 2] * (5 * surfels.centre - surfels.centre)).sum(-1) > 0).all()
 
 
-def test_inverse_activations_return_what_was_asked_for() -> None:
+def test_inverse_activations_invert_the_activations() -> None:
     surfels = _surfels()
     surfels.roughness_logit = torch.full((20,), roughness_to_logit(0.37), dtype=torch.float64)
     torch.testing.assert_close(surfels.roughness, torch.full((20,), 0.37, dtype=torch.float64))

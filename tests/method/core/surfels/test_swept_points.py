@@ -28,7 +28,7 @@ def test_surfels_start_on_a_sphere_and_face_outwards_at_any_scale_of_the_world(s
     assert float((hull.centre.norm(dim=-1) / scale - 1).abs().median()) > 0.1
 
 
-def test_what_views_see_through_is_left_out_and_what_none_sees_counts_nothing() -> None:
+def test_offsets_are_negative_in_free_space_and_zero_for_unseen_points() -> None:
     scene = sphere_scene(views=8, size=32)
     views = [SmallView.of(view, 32) for view in scene.train]
     tolerance = 0.1

@@ -74,7 +74,7 @@ def test_it_is_the_mean_over_the_nearest_weighted_by_opacity() -> None:
         assert float(angle(found, mean / mean.norm())) < 0.1
 
 
-def test_what_no_ray_can_meet_is_nobodys_neighbour() -> None:
+def test_unhittable_surfels_are_not_neighbours() -> None:
     up = torch.tensor([0.0, 0.0, 1.0]).expand(100, 3)
     sound = surfels_facing(grid(10), askew(up, 20))
     expected = horizon(sound)

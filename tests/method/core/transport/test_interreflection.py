@@ -210,7 +210,7 @@ def test_hits_that_do_not_fit_are_traced_anew_and_nothing_else_changes(monkeypat
     assert anew.work["rays"] == 6 * kept.work["rays"]
 
 
-def test_a_plan_decides_what_is_traced() -> None:
+def test_a_plan_decides_which_rays_are_traced() -> None:
     box, light = open_box(), sky_with_sun()
     whole = bounced(box, 0.6, light, 3)
     without = bounced(box, 0.6, light, 3, plan=EffectPlan(indirect=False))

@@ -94,7 +94,7 @@ def test_levels_join_without_a_step() -> None:
 
 
 @pytest.mark.parametrize("roughness", [0.1, 0.25, 0.4, 0.7, 1.0])
-def test_the_integral_of_the_brdf_is_that_of_the_quadrature(roughness: float) -> None:
+def test_the_integral_of_the_brdf_agrees_with_quadrature(roughness: float) -> None:
     """F0 A + B against the lobe itself summed over directions; the table's 32 x 32 grid is worth 1e-2 near grazing."""
     for view_cosine, tolerance in ((0.05, 1e-2), (0.2, 3e-3), (0.5, 2e-3), (0.95, 2e-3)):
         wo, wi, solid_angle = lobe_quadrature(view_cosine, roughness)

@@ -81,7 +81,7 @@ def test_a_list_of_all_effects_is_the_full_method(initialised: dict[str, Any]) -
 
 
 @pytest.mark.parametrize("off", ["visibility", "indirect"])
-def test_without_one_of_both_the_other_comes_from_the_same_rays(initialised: dict[str, Any], off: str) -> None:
+def test_visibility_or_indirect_light_alone_uses_the_same_rays(initialised: dict[str, Any], off: str) -> None:
     surfels = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised).model.surfels
     tracer = SurfelTracer(surfels)
     whole = gather_incident(tracer, surfels, 8, None)
@@ -169,9 +169,7 @@ def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_a_re
 
 @pytest.mark.slow
 @pytest.mark.parametrize("plan", [NO_RAYS, EffectPlan()])
-def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(
-    initialised: dict[str, Any], plan: EffectPlan
-) -> None:
+def test_arriving_light_comes_from_the_cache_in_every_step(initialised: dict[str, Any], plan: EffectPlan) -> None:
     """It is kept from step to step, and brought up to date where directions were drawn anew: at a refresh, too."""
     ended = []
     for anew in (False, True):
