@@ -32,7 +32,7 @@ UNSHARE = ("unshare", "--map-root-user", "--mount")
 
 
 def why_nothing_can_be_mounted(folder: Path) -> str | None:
-    """None where a small tmpfs can be mounted."""
+    """The reason why no small tmpfs can be mounted; None if one can."""
     missing = [name for name in ("unshare", "mount", "umount") if shutil.which(name) is None]
     if missing:
         return f"there is no program {', '.join(missing)}"

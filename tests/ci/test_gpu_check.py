@@ -1,4 +1,4 @@
-"""`make gpu` says when there is no card, keeps what each part said, and goes on where it stopped; and the bundle."""
+"""`make gpu` reports a missing card, keeps the output of each part, and continues where it stopped; and the bundle."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""The list of mutants is true, and the check of them tells what lives from what dies, on a house of one function."""
+"""The list of mutants is valid, and its check separates survivors from kills, on a house of one function."""
 
 import ast
 import re

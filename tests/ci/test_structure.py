@@ -81,7 +81,7 @@ def test_a_folder_with_few_files_is_found_and_kernels_text_counts(structure: Mod
 
 
 def test_pieces_are_counted(structure: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Imports within functions make users, those of a file itself do not."""
+    """Imports within functions make users, imports of a file by itself do not."""
     texts = {
         "house/one/a.py": "from ..two import b, c\nfrom . import d\n",
         "house/one/d.py": "from . import d\nfrom ..two.c import x\n",

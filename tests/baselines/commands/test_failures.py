@@ -1,4 +1,4 @@
-"""Codes that crash, hang, write half or fill the disk end in an error that says so, and nothing before them is lost."""
+"""Codes that crash, hang, write half or fill the disk end in an error with a cause, and earlier work is kept."""
 
 import os
 import resource
@@ -47,7 +47,7 @@ def cell(cell_of: Cells, second: str, head: str = "", limit: float | None = None
 
 
 def mended(bench: Bench, folder: Path) -> Bench:
-    """The same cell after its code was mended; what the file says of it is the same."""
+    """The same cell after its code was repaired; the method's file is unchanged."""
     return Bench(method_of(folder, toml([FIRST, SECOND])), bench.scene, bench.workspace, states=bench.states)
 
 
@@ -150,7 +150,7 @@ def test_the_command_of_a_killed_harness_is_ended_before_the_next_begins(
 
 
 def test_without_a_first_process_only_the_mark_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Session 0 is that of the kernel's threads, and inside a container that of its first process."""
+    """Session 0 belongs to the kernel's threads, and inside a container to its first process."""
     monkeypatch.setattr(os, "getsid", lambda pid: 0)
     assert process.Family(0, str(tmp_path)).living() == {}
 

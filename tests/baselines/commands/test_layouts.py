@@ -124,7 +124,7 @@ def test_renderings_of_another_training_are_replaced(tmp_path: Path, cell_of: Ce
 
 
 def test_files_of_another_command_are_not_taken_as_results(cell_of: Cells) -> None:
-    """A workspace is of one cell; should it be of two, neither takes the other's results."""
+    """A workspace belongs to one cell; if two cells share it, neither takes the other's results."""
     for size in (5, 6):
         bench = cell_of(toml([f"--name|model-1|--size|{size}"]))
         bench.train()

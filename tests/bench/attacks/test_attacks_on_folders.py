@@ -306,7 +306,7 @@ def test_a_suite_has_no_more_bytes_and_rows_than_can_be_compared(
 
 
 def test_reports_of_a_run_that_was_killed_while_it_wrote_them_are_recognised(run: Path) -> None:
-    """Attack killed_report_leaves_figures: they stayed among those of the next suite for good."""
+    """Attack killed_report_leaves_figures: leftover figures stayed among the next suite's for good."""
     for name in ("figures/theirs.png", "tables/theirs.csv"):
         (run / name).parent.mkdir(exist_ok=True)
         (run / name).write_text("a stranger's")

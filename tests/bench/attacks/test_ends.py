@@ -1,4 +1,4 @@
-"""How commands end where neither a cell failed nor a figure moved: they say what it was, with a code of its own."""
+"""How commands end without a failed cell or a changed figure: with the cause, and an exit code of its own."""
 
 import os
 import resource
@@ -41,7 +41,7 @@ def finished(folder: Path, suite: Suite = ABLATIONS) -> Sweep:
 
 @pytest.mark.slow
 def test_a_run_reports_itself_where_another_was_started_in_its_folder(tmp_path: Path) -> None:
-    """Audit M9: the first printed the second's table and wrote no report of its own."""
+    """Audit M9: the first run printed the second one's table and wrote no report of its own."""
     from dataclasses import replace
 
     first = finished(tmp_path)
@@ -115,7 +115,7 @@ def files_of(run: Path) -> dict[str, bytes]:
 def test_only_run_promises_to_make_results_again(
     run: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Audit M37: "will be made again" was said by commands that make nothing; ``verify`` names the one that does."""
+    """Audit M37: commands that make nothing promised "will be made again"; ``verify`` names the command that does."""
     damaged = sorted((run / "cells").glob("*.json"))[0]
     damaged.write_bytes(b"{")
     assert main(["verify", str(run)]) == 3

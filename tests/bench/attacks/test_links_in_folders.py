@@ -1,4 +1,4 @@
-"""No command writes through a link that stands in the folder that it was given."""
+"""No command writes through a link in the folder that it was given."""
 
 import ast
 import shutil

@@ -48,7 +48,7 @@ method = "evil.toml"
 
 
 def put_method(folder: Path, trains: str, render: str = "") -> None:
-    """Write evil.toml; PLACE stands for its folder."""
+    """Write evil.toml; PLACE is replaced by its folder."""
     text = METHOD.replace("TRAINS", trains) + render
     (folder / "evil.toml").write_text(text.replace("PLACE", str(folder)))
 
@@ -84,7 +84,7 @@ LIGHT = ["--envmap", "light.exr"]
 def test_files_named_only_by_folders_or_suites_are_not_run(
     words: list[str], place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Attack model_folder_runs_toml: the commands of evil.toml ran, and nothing was said."""
+    """Attack model_folder_runs_toml: the commands of evil.toml ran silently."""
     (place / "suite.toml").write_text(SUITE)
     (place / "other.toml").write_bytes((place / "evil.toml").read_bytes())
     write_exr(place / "light.exr", next(iter(rb.load_scene("convex").lights.values())).radiance.numpy())

@@ -269,7 +269,7 @@ def test_a_mesh_that_cannot_be_made_is_explained(
 
 @pytest.mark.slow
 def test_relighting_a_scene_without_masks_prints_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its surroundings are part of the model, so that a light from outside them means little. One line says so."""
+    """Its surroundings are part of the model, so that light from outside means little. One line states it."""
     photos = tmp_path / "photos"
     assert main(["datasets", "convert", "convex", "--to", "blender", "--out", str(photos), "--reduce", "4"]) == 0
     for path in photos.rglob("*.png"):

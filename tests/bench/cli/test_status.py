@@ -112,7 +112,7 @@ def test_the_parent_of_a_pool_shows_what_its_workers_do(tmp_path: Path) -> None:
 
 @pytest.fixture
 def half_done(tmp_path: Path) -> Iterator[tuple[Store, Sweep]]:
-    """A folder in which the cells of seed 0 have finished, 10 s a stage and 1 s of scoring; one of seed 1 runs."""
+    """A folder in which the cells of seed 0 have finished (10 s per stage, 1 s of scoring); a cell of seed 1 runs."""
     request, sweep = asked(2), FakeSweep(tmp_path)
     places = [place for place, _ in request.cells]
     sweep.run([cell for place, cell in request.cells if place["seed"] == 0])

@@ -60,7 +60,7 @@ def paint_at(points: Float[Tensor, "*batch 3"], blur: float = 1e-9) -> Float[Ten
 
 
 class PaintedBalls:
-    """A prepared model of the balls, whose maps are those of area-sampled images: an edge takes a pixel."""
+    """A prepared model of the balls, with the maps of area-sampled images: an edge takes a pixel."""
 
     offers: Mapping[str, MapKind] = dict.fromkeys(("image", "alpha", "depth", "albedo", "roughness"), MapKind("data"))
     default = frozenset({"image", "alpha"})
@@ -100,7 +100,7 @@ def looked_up(image: Float[Tensor, "height width channels"], uv: Float[Tensor, "
 
 @dataclass(frozen=True)
 class Read:
-    """A file as its format says it is to be read; texture coordinates from the upper left corner."""
+    """A file read according to its format; texture coordinates from the upper left corner."""
 
     points: np.ndarray
     normals: np.ndarray

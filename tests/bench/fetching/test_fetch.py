@@ -1,4 +1,4 @@
-"""Data sets come from a server that may break off, forget, change its mind or be gone; then it is said what to do."""
+"""Data sets from a server that may break off, forget, change or be gone; messages then state what to do."""
 
 import io
 import re
@@ -30,7 +30,7 @@ CONTENT = bytes(range(256)) * 4000
 class Server(ThreadingHTTPServer):
     """Serves ``files``; sends ``most`` bytes an answer and then breaks off; understands ranges if ``ranges``.
 
-    ``careless``: it continues whatever it is asked for, and says in its ETag which version that is.
+    ``careless``: it continues whatever it is asked for, and its ETag names the version.
     """
 
     files: dict[str, bytes]

@@ -1,4 +1,4 @@
-"""Rehearsals: what is measured, what is forecast from it, and that what does not fit is told in time."""
+"""Rehearsals: measurements, forecasts from them, and early warnings of what does not fit."""
 
 import ctypes
 import json

@@ -1,4 +1,4 @@
-"""``bench steps``: what it times, counts and says where time goes; ratios to an earlier record."""
+"""``bench steps``: times, counts and parts of the time; ratios to an earlier record."""
 
 import importlib.util
 import json

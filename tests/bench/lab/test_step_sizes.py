@@ -51,7 +51,7 @@ def chain_with(kind: type) -> Chain:
 
 
 def test_a_budget_that_nests_its_surfels_is_given_the_size() -> None:
-    """Surfels of a step are no size of a model."""
+    """The surfels of a step are not the size of a model."""
     chain, scene = chain_with(NestedBudget), load_scene("corner")
     subject = subject_of(chain, scene, SIZES["20k"], CPU)
     assert subject.surfels == 20_000

@@ -1,4 +1,4 @@
-"""The documented recipe and the workflow are commands that the program has, and say the same."""
+"""The documented recipe and the workflow use existing commands, and agree."""
 
 import shlex
 import subprocess

@@ -34,7 +34,7 @@ def run(folder: Path, threads: int, seeds: int = 3) -> Path:
 
 @pytest.fixture(scope="module")
 def runs(fake: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A run, and a rerun of it."""
+    """A run, and its rerun."""
     return run(tmp_path_factory.mktemp("run"), 1), run(tmp_path_factory.mktemp("rerun"), 2)
 
 

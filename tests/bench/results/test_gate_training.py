@@ -36,7 +36,7 @@ def elsewhere(content: dict[str, Any], noise: dict[str, dict[str, list[float]]])
 
 
 def scaled(content: dict[str, Any], factor: float, quantity: str = LOSS) -> dict[str, Any]:
-    """The baseline with a quantity of row ours divided by a factor, by which that of the run is larger then."""
+    """The baseline with a quantity of row ours divided by a factor, so that the run's is larger by it."""
     moved: dict[str, Any] = json.loads(json.dumps(content))
     for name, cell in moved["cells"].items():
         if name.startswith(OURS):

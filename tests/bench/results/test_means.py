@@ -1,4 +1,4 @@
-"""Every form of a run's table has the same means, and says over what they are, where kinds have unequal scenes."""
+"""Every form of a run's table has the same means and states their units, for kinds with unequal numbers of scenes."""
 
 import csv
 import json
@@ -35,7 +35,7 @@ WORDS = "2 kinds of 3 scenes (ball, bowl, niche), each kind with the mean over i
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of two kinds, one of which has two scenes; every row has the same values."""
+    """A run of two kinds, one with two scenes; every row has the same values."""
     folder = tmp_path_factory.mktemp("run")
     sweep, request = FakeSweep(folder), asked(3)
     sweep.run([cell for _, cell in request.cells])
@@ -46,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _placed(sweep: FakeSweep, place: CellRef) -> CellRef:
-    """A cell of one of three seeds as that of one of three scenes, with the scene's value."""
+    """A cell of one of three seeds turned into a cell of one of three scenes, with the scene's value."""
     scene, result = [*KINDS][place["seed"]], sweep.store.result(place["key"])
     assert result is not None
     result["scene"] = scene

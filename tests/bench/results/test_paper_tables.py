@@ -19,7 +19,7 @@ from radiogs_core.scene.scene import Scene
 from radiogs_reports.summary import PaperTable
 
 PRINTED = replace(ABLATIONS, recipe="printed")
-"""The paper's ablations of its own values; by default they are those of the recommended recipe."""
+"""The paper's ablations by its own values; by default the recommended recipe's values are used."""
 
 
 def request(suite: Suite = PRINTED, preset: str = "smoke", seeds: int = 2) -> RunPlan:
@@ -58,7 +58,7 @@ def test_the_suites_own_table_has_its_means_and_paired_differences(sweep: FakeSw
 
 
 def test_a_row_on_another_scene_or_budget_states_its_conditions(sweep: FakeSweep) -> None:
-    """The numbers that a label names are those that ran, not the paper's."""
+    """The numbers in a label are the measured row's, not the paper's."""
     budget = PRESETS["smoke"]
     numbers = f"preset smoke, N_g {budget.consistency_surfels}, N_s {budget.incident_samples}; fake; 40 x 40; CPU"
     labels = {row["key"]: row["ran"] for row in run(sweep, request())["ablation"]["rows"]}

@@ -199,7 +199,7 @@ def test_the_committed_pages_are_those_of_the_committed_records_one_short_table_
 
 
 MARKED = re.compile(r"<!-- from records/([\w-]+)\.md -->\n(.*?)<!-- end of record -->", re.DOTALL)
-"""A part of a document whose values are those of a record."""
+"""A part of a document whose values come from a record."""
 
 
 def marked() -> list[tuple[Path, str, str]]:

@@ -1,4 +1,4 @@
-"""The summary's figures are the stored ones: means, paired differences, and reasons for what is not there."""
+"""The summary's figures equal the stored ones: means, paired differences, and reasons for missing values."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``verify`` sees every damage that readers see, changes nothing, and says what a rerun would take."""
+"""``verify`` finds every damage that readers find, changes nothing, and states what a rerun would take."""
 
 import json
 import shutil

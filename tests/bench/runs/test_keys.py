@@ -72,7 +72,7 @@ def test_a_field_of_the_variant_changes_the_first_stage_that_reads_it_and_all_af
 
 @pytest.mark.parametrize("name", flat(dataclasses.asdict(PRESETS["smoke"])))
 def test_a_field_of_the_budget_changes_the_first_stage_that_reads_it_and_all_after(name: str) -> None:
-    """Its name alone is that of no stage's work: a preset under another name trains the same."""
+    """The budget's name belongs to no stage's work: a preset under another name trains the same."""
     first = 2 if name in ("name", *Budget.shown_only) else 1 if name in INVERSE_ONLY else 0
     smoke = PRESETS["smoke"]
     value = "other" if name == "name" else 2 * flat(dataclasses.asdict(smoke))[name]
@@ -159,7 +159,7 @@ def test_sources_of_showing_change_the_result_and_train_nothing_anew() -> None:
 
 
 class Siblings(Chain):
-    """A chain whose first stages are those of another method."""
+    """A chain that shares its first stages with another method."""
 
     def stages(self, variant: Turned, budget: Steps) -> Sequence[StageSpec]:
         first, *rest = super().stages(variant, budget)
@@ -499,7 +499,7 @@ def test_all_kernels_text_counts_for_the_module_that_loads_it() -> None:
 
 
 def test_a_module_in_no_package_has_no_data_files(tmp_path: Path) -> None:
-    """Its folder is that of everything that is installed."""
+    """Its folder holds everything that is installed."""
     (tmp_path / "alone.py").write_text("x = Path(__file__).with_name('table.npy'), 'table.npy'\n")
     (tmp_path / "table.npy").touch()
     assert SourceTree({"alone": tmp_path / "alone.py"}).data_files("alone") == []

@@ -17,7 +17,7 @@ ALPHA = torch.tensor([[1.0, 0.5, 0.0], [0.25, 1.0, 0.75]])[..., None]
 
 
 class Offering:
-    """Says what it offers, and renders what it is given."""
+    """Declares what it offers, and renders given maps."""
 
     timed = True
     rendered: dict[str, torch.Tensor]

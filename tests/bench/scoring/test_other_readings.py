@@ -1,4 +1,4 @@
-"""``score`` names the reading in which images fit their truth far better, and says nothing of images that are bad."""
+"""``score`` names the reading in which images fit their truth far better, and does not comment on bad images."""
 
 import json
 from collections.abc import Callable
@@ -170,7 +170,7 @@ def test_a_ground_is_named(tmp_path: Path, scene: Scene, colour: tuple[float, ..
 def test_images_on_white_score_as_on_black_with_the_option(
     tmp_path: Path, scene: Scene, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The perfect image on white was scored 3 dB without a word. With an alpha channel there is no ground."""
+    """The perfect image on white silently scored 3 dB. With an alpha channel the ground does not matter."""
     for view in load_scene("corner").test:
         image, mask = truth(view, "image"), coverage(view)
         for folder, stored in (("white", image + 1 - mask), ("straight", torch.cat([view.read("image"), mask], -1))):

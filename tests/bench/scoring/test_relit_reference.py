@@ -1,4 +1,4 @@
-"""Relit views against those of the method's reference mode: bias and PSNR, in the scores of a cell that asks for it."""
+"""Relit views against the method's reference mode: bias and PSNR, in the scores of a cell that asks for them."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -274,7 +274,7 @@ def test_wrong_calls_are_explained(
 def test_a_missing_prediction_is_not_called_a_missing_truth(
     folders: dict[str, Path], scene: Scene, tmp_path: Path
 ) -> None:
-    """Audit M38: where a view's prediction was missing, the ground truth was said to be."""
+    """Audit M38: for a missing prediction of a view, the message blamed a missing truth."""
     folder = Path(shutil.copytree(folders["plain"], tmp_path / "plain"))
     view = scene.test[1].name
     for name in ("image", "normal", "albedo"):

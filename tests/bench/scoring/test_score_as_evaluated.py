@@ -37,7 +37,7 @@ def with_floater(maps: Maps) -> Maps:
 
 
 class Shown:
-    """Shows the same maps under its own light, and those of ``relit`` under another."""
+    """Shows the same maps under its own light, and ``relit``'s maps under another."""
 
     timed = True
 

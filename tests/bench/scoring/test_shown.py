@@ -1,4 +1,4 @@
-"""Maps that are kept and compared with: the best constant ones, lights, views and surfels that the page shows."""
+"""Maps that are kept and baselines for them: best constants, lights, views and surfels that the page shows."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -172,7 +172,7 @@ def test_the_mean_of_the_recovered_roughness_is_over_the_mask() -> None:
 
 
 def ramp(height: int) -> torch.Tensor:
-    """Radiance that says where it comes from: row, column, one."""
+    """Radiance that encodes its place: row, column, one."""
     rows = (torch.arange(height) + 0.5) / height
     columns = (torch.arange(2 * height) + 0.5) / (2 * height)
     return torch.stack([*torch.meshgrid(rows, columns, indexing="ij"), torch.ones(height, 2 * height)], -1)

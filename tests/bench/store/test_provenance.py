@@ -1,4 +1,4 @@
-"""A result says where it comes from."""
+"""A result records its origin."""
 
 import datetime
 import json

@@ -1,4 +1,4 @@
-"""Stored files are whole or absent, and are what the document says."""
+"""Stored files are whole or absent, and as the document describes them."""
 
 import errno
 import json

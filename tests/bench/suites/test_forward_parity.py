@@ -1,4 +1,4 @@
-"""The comparison with the path tracer: what is compared, where, and a small run of it."""
+"""The comparison with the path tracer: quantities, pixels, and a small run."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The oracle ladder in the harness: its rows, methods that take parts as given or do not, and a run of it."""
+"""The oracle ladder in the harness: its rows, methods with and without given parts, and a run."""
 
 import json
 from collections.abc import Callable, Sequence

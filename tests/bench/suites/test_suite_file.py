@@ -1,4 +1,4 @@
-"""A suite of one's own reads as those in the package do, and what is wrong in it is answered with its place."""
+"""A user's suite is read like the package's suites, and errors in it are reported with their place."""
 
 import dataclasses
 import os
