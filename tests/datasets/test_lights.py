@@ -1,4 +1,4 @@
-"""Lights in other shapes than latitude-longitude are converted where the file tells how, or refused by name."""
+"""Lights in other shapes than latitude-longitude are converted if the file states its layout, or refused by name."""
 
 from collections.abc import Callable
 from pathlib import Path

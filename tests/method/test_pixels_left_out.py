@@ -25,7 +25,7 @@ SIZE = 24
 
 
 def hole(number: int) -> torch.Tensor:
-    """Where a view counts: everywhere but in a rectangle of its own."""
+    """Where a view counts: everywhere except in its own rectangle."""
     valid = torch.ones(SIZE, SIZE, 1)
     valid[6 + number % 3 : 14, 4 + 2 * (number % 4) : 16] = 0
     return valid
@@ -47,7 +47,7 @@ def scene_of(content: float, masked: bool = True) -> Scene:
 
 
 def begun(name: str, scene: Scene, steps: int, last: Scene | None = None) -> Any:
-    """The last stage of a method, after ``steps`` steps of those before it; it begins on the ``last`` scene."""
+    """The last stage of a method, after ``steps`` steps of each earlier stage; it begins on the ``last`` scene."""
     method = installed_method(name)
     run = Run(scene, method.variant(), method.presets["smoke"], 0, CPU)
     product: Mapping[str, Any] = {}

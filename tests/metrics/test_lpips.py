@@ -102,7 +102,7 @@ def architecture(net: Net) -> tuple[nn.Sequential, list[int]]:
 
 @pytest.mark.parametrize("net", BACKBONES)
 def test_the_networks_are_torchs_own_layers(net: Net) -> None:
-    """Random weights: for VGG16 no published ones are at hand, so its architecture is judged by nn.Sequential."""
+    """Random weights: VGG16's published weights are not at hand, so its architecture is judged by nn.Sequential."""
     network, taps = architecture(net)
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=1.5 / max(1, parameter[0].numel()) ** 0.5)
@@ -307,7 +307,7 @@ def test_fetched_files_have_the_expected_names() -> None:
 def test_a_run_fetches_missing_weights_until_a_failure_unless_forbidden(
     path: str, offline: str, said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A failure is said once, and ends it; SqueezeNet is there."""
+    """A failure is reported once, and ends the downloads; SqueezeNet's weights exist."""
     monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path))
     monkeypatch.setenv(OFFLINE_VARIABLE, offline)
     for name in (FILES["squeeze"].features[0], FILES["squeeze"].head[-1]):

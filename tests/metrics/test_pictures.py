@@ -1,4 +1,4 @@
-"""Pictures: how they are laid out, PSNR, SSIM and colour differences of them, and means over views."""
+"""Pictures: their layout, PSNR, SSIM and colour differences, and means over views."""
 
 import math
 import subprocess
@@ -344,7 +344,7 @@ def test_protocol_default_measures_it_of_the_aligned_albedo_and_no_published_one
 
 
 def test_the_library_leaves_the_digits_that_numpy_prints() -> None:
-    """In a process of its own, since a library is imported once."""
+    """In a separate process, because a library is imported only once."""
     lines = (
         "import numpy as np, torch",
         "from radiogs_bench.scoring.metrics.albedo import ciede2000",

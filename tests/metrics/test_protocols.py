@@ -1,4 +1,4 @@
-"""Values of each named protocol on known images, and that the default one stays the one of stored results."""
+"""Values of each named protocol on known images; stored results keep the default protocol."""
 
 import json
 import math
@@ -314,7 +314,7 @@ def test_normals_that_carry_their_coverage_are_blended_by_it_again(name: str, by
 
 
 def test_titles_have_the_version_and_the_document_lists_each() -> None:
-    """Whoever changes values under a name raises its version, and says in the document what changed."""
+    """Whoever changes values under a name raises its version, and documents the change."""
     titles = {rules.title for rules in PROTOCOLS.values()}
     assert {"default", "r3dg@2", "stanford-orb@2"} <= titles
     assert all(rules.describe()["title"] == rules.title for rules in PROTOCOLS.values())

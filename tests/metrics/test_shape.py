@@ -46,7 +46,7 @@ def test_the_angle_is_exact_from_identical_to_anti_parallel(degrees: float, leng
 
 
 def test_identical_float32_normals_are_at_no_angle() -> None:
-    """Where arccos of their dot products, clamped, would say 0.002 degrees, and NaN unclamped."""
+    """Clamped arccos of their dot products would give 0.002 degrees, and unclamped NaN."""
     normal = torch.nn.functional.normalize(torch.randn(50, 50, 3), dim=-1)
     assert angle(normal, normal).max() < 1e-6
 
@@ -72,7 +72,7 @@ def test_floaters_count_by_their_own_coverage_but_not_by_the_truths() -> None:
 
 
 def test_a_silhouette_is_blended_halfway_to_the_background() -> None:
-    """(1, 0, 0) at half coverage over (0, 0, 1) stands at 45 degrees."""
+    """(1, 0, 0) at half coverage over (0, 0, 1) makes 45 degrees."""
     sideways = torch.tensor([1.0, 0.0, 0.0]).expand(2, 2, 3)
     half, full = torch.full((2, 2, 1), 0.5), torch.ones(2, 2, 1)
     assert normal_mae(sideways, sideways, full, half, IMAGE) == pytest.approx(45)

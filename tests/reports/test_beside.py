@@ -1,4 +1,4 @@
-"""A run beside another one: which values differ, which settings do, and which cells are left out."""
+"""A run beside another one: values and settings that differ, and cells that are left out."""
 
 import copy
 from typing import Any

@@ -1,4 +1,4 @@
-"""A .blend file is opened in a process of its own, by a request whose contents are its identity."""
+"""A .blend file is opened in a separate process, by a request whose contents are its identity."""
 
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-"""The committed scenes hold what their recipes say, as the loader returns it; judged without Mitsuba."""
+"""The committed scenes agree with their recipes as the loader returns them; judged without Mitsuba."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Scenes that float32 cannot hold, names that cannot be stored, and scenes that show too little are said."""
+"""Scenes beyond float32, names that cannot be stored, and scenes that show too little are reported."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Recipes stand up to what path tracing and the cameras ask of them; no Mitsuba needed."""
+"""Recipes meet the requirements of path tracing and cameras; no Mitsuba needed."""
 
 import itertools
 import math

@@ -110,7 +110,7 @@ def test_points_lie_where_the_camera_says(model: str, extra: dict[str, Any], tmp
 
 
 def test_a_frame_may_have_a_lens_of_its_own(tmp_path: Path) -> None:
-    """Photo 1 is taken by another camera, and photo 2 has another size: both say so."""
+    """Photo 1 is taken by another camera, and photo 2 has another size; each frame states its own lens."""
     folder = capture(tmp_path / "capture", "OPENCV")
     cv2.imwrite(str(folder / "images/01.png"), dots(bent("OPENCV_FISHEYE", LENSES["OPENCV_FISHEYE"], in_camera(1))))
     small = (0.5 * LENSES["PINHOLE"][0], 0.5 * LENSES["PINHOLE"][1], 81.0, 58.0)

@@ -237,7 +237,7 @@ def posed(folder: Path, outwards: bool, along: bool) -> None:
 
 @pytest.mark.parametrize("along", [False, True])
 def test_rooms_and_streets_are_usable(capture: Path, along: bool) -> None:
-    """Captures, row 32: cameras of a room look outwards, those of a street have no point in common."""
+    """Captures, row 32: cameras of a room look outwards, cameras of a street share no point."""
     posed(capture, outwards=True, along=along)
     report = check_scene(str(capture))
     assert report.sound

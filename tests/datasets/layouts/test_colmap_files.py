@@ -1,4 +1,4 @@
-"""COLMAP's files: binary and text say the same, both as pycolmap reads them, and damage is one clear error."""
+"""COLMAP's files: binary and text forms agree, both with pycolmap, and damage is one clear error."""
 
 import shutil
 import struct

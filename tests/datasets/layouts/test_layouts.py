@@ -1,4 +1,4 @@
-"""Layouts beside TensoIR's: points land on their pixels, damage is one clear error, and assumptions are said."""
+"""Layouts besides TensoIR's: points land on their pixels, damage is one clear error, assumptions are reported."""
 
 import json
 import math

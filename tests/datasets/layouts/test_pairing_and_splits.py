@@ -1,4 +1,4 @@
-"""Photos belong to the poses of their names or numbers, and published lists say which are scored."""
+"""Photos are matched with poses by names or numbers, and published lists decide which are scored."""
 
 import json
 from collections.abc import Callable, Iterator

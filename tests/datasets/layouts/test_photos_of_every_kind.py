@@ -32,7 +32,7 @@ COVERAGE = np.zeros((SIDE, SIDE), np.uint8)
 COVERAGE[4:12, 3:13] = 255
 COVERAGE[4:12, 3] = 128  # a soft edge
 BY_CHANNELS = ([COVERAGE] * 3 + [0 * COVERAGE + 255], [0 * COVERAGE] * 3 + [COVERAGE])
-"""Masks in four channels: opaque ones whose colours say what is covered, and black ones whose alpha does."""
+"""Masks in four channels: opaque ones with coverage in their colours, and black ones with coverage in their alpha."""
 
 
 def pose(number: float) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""A contradiction has a cause only where one explains nearly all of it and what else would is excluded."""
+"""A contradiction has a named cause only if one cause explains nearly all of it and all others are excluded."""
 
 import re
 import shutil
@@ -177,7 +177,7 @@ SET: Mapping[str, tuple[Callable[[Path], None], str]] = {
     "all rotations about the vertical": (turned_world, "^$"),
     "albedo of another scene": (strangers_albedo, "^albedo: .*contradict"),
 }  # fmt: skip
-"""Injuries, and the words of a finding that names them; ``^$`` where no cause is one of the usual mistakes."""
+"""Injuries, and the words of the finding that names them; ``^$`` if no cause is a known mistake."""
 
 
 @pytest.mark.slow

@@ -153,11 +153,11 @@ def test_levels_are_looked_at_as_values_are(capture: Path, large: SceneOptions) 
 
 
 WAVE = np.indices((96, 96)).sum(0)[..., None] % 2 * np.array([20, 20, 20])
-"""Pixels whose mean in each block of a JPEG is that of their opposites."""
+"""Pixels that alternate so that each JPEG block has the same mean as their negatives."""
 
 
 def in_jpegs(capture: Path) -> None:
-    """Turn a capture's photos into JPEGs, some of which say little, are equal, nearly equal or damaged."""
+    """Turn a capture's photos into JPEGs, some of them nearly uniform, equal, nearly equal or damaged."""
     images, masks = capture / "images", capture.parent / "kept_masks"
     noise, square = np.random.default_rng(0).integers(0, 256, (96, 96, 3)), np.zeros((96, 96, 1))
     square[16:64, 24:72] = 1

@@ -1,4 +1,4 @@
-"""The deep check is silent on sound scenes, and names what contradicts itself in injured ones."""
+"""The deep check is silent on sound scenes, and names the contradiction in injured ones."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Masks whose black pixels are left out: how they are asked for, read, reduced and scored, and what the check says."""
+"""Masks whose black pixels are ignored: option, reading, reduction, scoring, and findings of the check."""
 
 import json
 import math
@@ -188,7 +188,7 @@ def test_inverted_masks_are_warned_of_and_those_of_an_object_are_not(tmp_path: P
 
 @pytest.mark.parametrize("level", [0, 255, 90])
 def test_a_flat_ground_without_masks_is_warned_of(capture: Path, level: int) -> None:
-    """The made capture has a wall of one grey; its photos with noise, as of a real wall, are no such ground."""
+    """The made capture has a wall of one grey; its photos with noise, as of a real wall, are not uniform."""
 
     def grounds() -> list[str]:
         findings = check_scene(str(capture)).findings

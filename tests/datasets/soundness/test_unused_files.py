@@ -1,4 +1,4 @@
-"""Each kind of file that is not used is said in a sentence, and nothing is said where all are used."""
+"""Each kind of unused file is reported in a sentence; there is no sentence if all files are used."""
 
 import shutil
 from pathlib import Path

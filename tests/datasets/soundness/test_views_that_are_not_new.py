@@ -72,7 +72,7 @@ def test_bracketed_training_poses_do_not_make_the_spacing_zero(corner: Scene) ->
 
 @pytest.fixture
 def repeated(tmp_path: Path) -> Path:
-    """``corner`` with two test views that are training views, one of them with other pixels."""
+    """``corner`` with two test views that are also training views, one of them with other pixels."""
     folder = Path(shutil.copytree(TINY / "corner", tmp_path / "repeated"))
     train, test = (json.loads((folder / f"transforms_{split}.json").read_text()) for split in ("train", "test"))
     for place in (0, 1):

@@ -383,7 +383,7 @@ def test_json_is_bounded(tmp_path: Path, text: str, what: str) -> None:
 
 
 def test_brackets_within_text_are_no_depth(tmp_path: Path) -> None:
-    """Audit M23: the bound counts open brackets, not those that are quoted."""
+    """Audit M23: the bound counts open brackets, but not quoted ones."""
     (tmp_path / "a.json").write_text('["' + "[" * 1000 + '\\"{[", "\\ud83d\\ude00", ' + "[[1, 2.5]], " * 500 + "0]")
     assert read_json(tmp_path / "a.json")[:2] == ["[" * 1000 + '"{[', "\U0001f600"]
 

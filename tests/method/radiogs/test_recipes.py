@@ -20,11 +20,11 @@ from radiogs_core.plain_values import value_at, with_values
 from radiogs_datasets.registry import LAYOUTS
 
 LENGTH_POWER, ROUGHNESS_POWER = "materials.rates.length_power", "materials.rates.roughness_length_power"
-"""The fields that neither paper nor code has a value for: both have runs of one length."""
+"""The fields without a value in paper and code, whose runs have one length."""
 
 
 HULL = "geometry.start.points"
-"""The one field whose value in ``printed`` is neither the paper's, which says nothing, nor the code's."""
+"""The one field whose value in ``printed`` is neither the paper's, which states none, nor the code's."""
 
 
 def listed() -> list[Constant]:

@@ -1,4 +1,4 @@
-"""Comparisons of rows: resolved differences, the rate of false ones, and the smallest one that a table could show."""
+"""Comparisons of rows: resolved differences, the rate of false ones, and the smallest resolvable difference."""
 
 from collections.abc import Mapping
 from typing import get_args

@@ -1,4 +1,4 @@
-"""Both ways of gathering a ray's hits, breadth first and nearest first, find the same ones."""
+"""Breadth-first and nearest-first gathering of a ray's hits find the same hits."""
 
 from pathlib import Path
 

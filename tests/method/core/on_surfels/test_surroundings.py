@@ -44,7 +44,7 @@ def trained(scene: Scene) -> tuple[float, Surfels]:
 
 @pytest.mark.slow
 def test_new_views_of_a_room_need_the_surroundings() -> None:
-    """The same photos; a mask of ones sends them through the start of scenes with masks, a ball in the middle."""
+    """The same photos; a mask of ones makes them a scene with masks, which starts from a ball in the middle."""
     ball_only, _ = trained(room_scene(masked=True))
     room, surfels = trained(room_scene())
     assert room > ball_only + 4

@@ -118,7 +118,7 @@ PUBLISHED = OpacityResets(lower_every=3_000 / 40_000, raise_every=1_000 / 40_000
 
 
 def resets(steps: Iterable[int], iterations: int, of: OpacityResets = PUBLISHED) -> tuple[list[int], list[int]]:
-    """The steps among these after which opacities are lowered, and those after which they are raised."""
+    """The steps among these after which opacities are lowered, and the steps after which they are raised."""
     among = list(steps)
     return [each for each in among if of.lowers(each, iterations)], [
         each for each in among if of.raises(each, iterations)

@@ -39,7 +39,7 @@ def degrees(ours: torch.Tensor, theirs: torch.Tensor) -> torch.Tensor:
 
 
 ROOF = [(plane(1.0, 0.2, 1.0), 3.0), (plane(-1.0, 0.1, 1.0), 3.0)]
-"""Two planes that meet in a crease across the image, nearer to the camera on either side of it."""
+"""Two planes that meet in a crease across the image and come nearer to the camera on both sides of it."""
 
 
 def test_both_find_the_normal_of_a_plane_seen_at_an_angle() -> None:

@@ -26,7 +26,7 @@ def grid(side: int) -> torch.Tensor:
 
 
 def askew(normal: torch.Tensor, degrees: float, seed: int = 0) -> torch.Tensor:
-    """Each normal tilted by that angle, to a side that is drawn at random."""
+    """Each normal tilted by the angle, in a random direction."""
     drawn = torch.randn(normal.shape, generator=torch.Generator().manual_seed(seed))
     side = normalize(drawn - (drawn * normal).sum(-1, keepdim=True) * normal, dim=-1)
     return math.cos(math.radians(degrees)) * normal + math.sin(math.radians(degrees)) * side

@@ -229,7 +229,7 @@ def test_all_surfels_of_a_transparent_cloud_stay_dark() -> None:
 def test_a_wall_hides_the_directions_that_end_on_it_and_is_met_where_it_faces_the_surfel() -> None:
     """Equal surfels look up between two walls that look to -X: before one, and behind the other, mirrored one.
 
-    The whole is turned, so that the horizon is not that of the world's directions. Each surfel draws others of them.
+    The whole is rotated, so that the horizon is not aligned with the world's axes. Each surfel draws other directions.
     """
     turn = torch.linalg.qr(torch.tensor([[0.3, 0.9, 0.1], [-0.5, 0.2, 0.8], [0.8, -0.1, 0.6]]))[0]
     y, z = torch.meshgrid(torch.arange(-0.3, 0.95, 0.1), torch.arange(0.1, 0.75, 0.1), indexing="ij")

@@ -42,7 +42,7 @@ def test_a_constant_light_stays_the_same_constant_at_every_roughness(height: int
 
 
 def test_irradiance_is_the_closed_form_under_a_gradual_light() -> None:
-    """Over pi, a cosine lobe keeps 2/3 of what is linear in direction and 1/4 of what is of second order."""
+    """Over pi, a cosine lobe keeps 2/3 of the terms linear in direction and 1/4 of the second-order terms."""
     normal = unit(300)
     x, y, z = normal.unbind(-1)
     second = (0.3 * x * y + 0.4 * (z * z - 1 / 3)) / 4
@@ -119,7 +119,7 @@ def test_the_integral_of_the_brdf_agrees_with_quadrature(roughness: float) -> No
 def test_both_maskings_have_the_values_of_an_independent_quadrature(
     masking: Masking, roughness: float, grazing: float, oblique: float
 ) -> None:
-    """F0 A + B at n.wo = 0.1, where the maskings differ most, and at 0.5; that of GS-IR's table is the first."""
+    """F0 A + B at n.wo = 0.1, where the maskings differ most, and at 0.5; GS-IR's table has the first."""
     view_cosine, rough = torch.tensor([0.1, 0.5], dtype=F64), torch.full((2,), roughness, dtype=F64)
     scale, bias = brdf_integrals(view_cosine, rough, masking).unbind(-1)
     found = (FRESNEL_NORMAL * scale + bias).tolist()

@@ -109,7 +109,7 @@ def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> In
 
 
 def stepped(stage: InverseRendering) -> Incident:
-    """The cached light after twelve steps, one of them with a refresh."""
+    """The cached light after twelve steps, including one refresh."""
     for _ in range(12):
         stage.step()
     return stage.cache.incident
