@@ -121,7 +121,7 @@ class Model:
 
     @property
     def light(self) -> EnvironmentMap | None:
-        """The recovered light, linear radiance (latitude-longitude, Z up, centre column +X); None if there is none."""
+        """The recovered light, linear radiance (latitude-longitude, Z up, centre column +X); None without one."""
         return self.trained.light
 
     def __repr__(self) -> str:
@@ -311,8 +311,8 @@ def open_model(folder: str | Path, device: str = "cpu", trust: str | Path = "", 
     """The model that ``train`` left in a folder.
 
     ``trust``: the method's TOML file, if its commands may run. ``changes`` are fields of the variant that showing alone
-    reads, such as RadioGS's ``relighting="surfels"``. Raises DataError where there is none or its scene has changed,
-    UsageError where the folder names a method's file that is not trusted.
+    reads, such as RadioGS's ``relighting="surfels"``. Raises DataError if it is missing or its scene has changed,
+    UsageError if the folder names an untrusted method's file.
     """
     with trusting([str(trust)]):
         run, model = read_trained(Path(folder), device_named(device), changes)

@@ -29,11 +29,11 @@ class Killed(ExplainedError):
 
 
 class NotFetched(ExplainedError):
-    """Files of a data set could not be fetched; the message says what to fetch by hand, and where to put it."""
+    """Files of a data set could not be fetched; the message lists what to fetch by hand, and where to put it."""
 
 
 class Unforeseen(MethodFailed):
-    """A cell ended with an error that nobody foresaw; the others went on."""
+    """A cell ended with an unexpected error; the others went on."""
 
 
 class StoppedAtOnce(KeyboardInterrupt):

@@ -68,7 +68,7 @@ def painted(scene: Scene, value: float) -> Scene:
 def under_brighter_lights(scene: Scene, factor: float) -> Scene:
     """Lights for relighting ``factor`` times as bright, and the true relit images, clipped as displays clip them.
 
-    Metrics of relit images then say little: what covers a pixel by a millionth is white, too.
+    Metrics of relit images then mean little: what covers a pixel by a millionth is white, too.
     """
 
     def brighter(view: View) -> View:

@@ -1,14 +1,14 @@
 """Reads the headers of image files before a decoder does, because a decoder allocates all memory that a header claims.
 
-A file's type is told by its first bytes, not by its name: photos are often saved as JPEG and called .png.
+A file's type is recognised by its first bytes, not by its name: photos are often saved as JPEG and called .png.
 
 PNG and Radiance files are checked as a whole, and JPEG and WebP files must have an end: decoders fill what a cut-off
 file lacks. Damage to pixels of JPEG and OpenEXR files is reported by their decoders (``image_files``).
 
-Which channels of an OpenEXR file are its image is told by their names. A channel is called ``layer.R``; renderers write
-``R, G, B, A``, ``ViewLayer.Combined.R`` (Blender), ``Y`` or ``Z`` or ``V`` (one value), ``Normal.X, Normal.Y,
-Normal.Z``. Case does not matter. Taking channels by the order of their names instead would turn RGB to BGR, and alpha
-to depth; files with ambiguous names are refused.
+The image's channels of an OpenEXR file are found by their names. A channel is called ``layer.R``; renderers write ``R,
+G, B, A``, ``ViewLayer.Combined.R`` (Blender), ``Y`` or ``Z`` or ``V`` (one value), ``Normal.X, Normal.Y, Normal.Z``.
+Case does not matter. Taking channels by the order of their names instead would turn RGB to BGR, and alpha to depth;
+files with ambiguous names are refused.
 """
 
 import io

@@ -85,8 +85,8 @@ def read_lamps(path: Path | str) -> tuple[Lamp, ...]:
 LAMPS_MANUAL = "The tables of lamps are described in docs/datasets.md; docs/examples/lamps.toml has one of each."
 
 Face = tuple[tuple[int, int], tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]]
-"""A face of a cube map: its row and column among the faces of the file, the direction that it faces, and those in which
-its columns and its rows grow. Directions are in the world that the map is read in: Z up, +X in the centre column."""
+"""A face of a cube map: its row and column among the faces of the file, the direction that it faces, and those of its
+columns and rows. Directions are in the world that the map is read in: Z up, +X in the centre column."""
 
 AHEAD: Face = (1, 1), (1, 0, 0), (0, -1, 0), (0, 0, -1)
 LEFT: Face = (1, 0), (0, 1, 0), (1, 0, 0), (0, 0, -1)

@@ -1,6 +1,6 @@
 """Settings for learning materials and light: every weight, rate, share and initial value.
 
-Defaults are those of the recipe ``recommended`` (``recipes``). Shares are shares of the stage's iterations.
+Defaults are the recipe ``recommended`` (``recipes``). Shares are shares of the stage's iterations.
 ``radiogs_core.learning.geometry`` has the settings for surfels.
 """
 

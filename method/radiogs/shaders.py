@@ -60,7 +60,7 @@ class Arriving:
     indirect: Float[Tensor, "surfels samples 3"]
     """The cached L_ind, which holds other samples after each tracing of all surfels."""
     traced_at: int
-    """The step of that tracing."""
+    """The step at which all surfels were last traced."""
     log_environment: Float[Tensor, "height width 3"]
     """The light."""
     version: int

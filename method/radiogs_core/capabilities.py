@@ -93,7 +93,7 @@ class RelitByReference(Protocol):
     ) -> Prepared:
         """The model under ``light`` in the reference mode, with random numbers independent of ``Trained.prepare``.
 
-        The arguments are those of ``Trained.prepare``.
+        For the arguments see ``Trained.prepare``.
         """
 
 

@@ -236,8 +236,8 @@ class Trained(Protocol):
 class Method(Protocol[VariantT, BudgetT]):
     """A method of inverse rendering, generic in its dataclasses of variants and budgets.
 
-    A method that says ``class Mine(Method[MyVariant, MyBudget])`` has its fields checked by the type checker; the
-    harness takes any object with these members.
+    The type checker checks the fields of a method declared as ``class Mine(Method[MyVariant, MyBudget])``; the harness
+    takes any object with these members.
     """
 
     @property

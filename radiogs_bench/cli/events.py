@@ -73,7 +73,7 @@ class EventProgress:
         emit("message", text=line)
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Write the steps of a task as an event; when cells are counted, also those that have ended since."""
+        """Write the steps of a task as an event; when cells are counted, also cells that have ended since."""
         if task == "cells":
             self._look()
         now = self.clock()

@@ -64,7 +64,7 @@ def check(
     as_json: Json = False,
     on: Computing = ON_CPU,
 ) -> int:
-    """Train a method, and say whether it does all that a method has to; the exit code is 1 if not.
+    """Train a method, and check that it keeps its contract; the exit code is 1 if not.
 
     Example:  radiogs-bench methods check my-method --scene corner
 

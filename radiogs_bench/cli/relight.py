@@ -44,14 +44,14 @@ def factors(text: str) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class Relighting:
-    """How a model is relit, and what is written."""
+    """Options of how a model is relit, and of the output."""
 
     mode: str | None = None
-    """Choose one of the ways in which the method relights (default: that of the model's settings)."""
+    """Choose one of the ways in which the method relights (default: as in the model's settings)."""
     albedo_scale: Annotated[tuple[float, float, float], from_text(factors), Parameter(metavar="R,G,B")] = (1, 1, 1)
     """Multiply the recovered albedo by these factors."""
     effects: EffectsChoice = "all"
-    """Simulate all effects, those that the scene needs (auto), or the ones in this list."""
+    """Simulate all effects, only the needed ones (auto), or the ones in this list."""
     views: Literal["test", "train"] = "test"
     """Render the views of this split."""
     turntable: MaybeCount = None

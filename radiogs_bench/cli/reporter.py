@@ -99,7 +99,7 @@ def console(width: int | None = None) -> "Console":
 
 
 def say_aside(store: "Store") -> None:
-    """Print one line where files lie in OUT/aside; nothing where there are none."""
+    """Print a line if files lie in OUT/aside."""
     from ..store.folder import ASIDE, kept_aside
 
     names = kept_aside(store.folder)

@@ -55,7 +55,7 @@ class Asked:
     """Run seeds 0 to N-1."""
     as_published: bool = False
     """Run the published table that the suite reproduces: its scenes from --data, preset paper, its protocol and recipe
-    printed, unless other options say otherwise."""
+    printed, unless options change these."""
     preset: PresetName = ""
     """Take the amount of work of this preset (default: tiny; as published, paper)."""
     protocol: ProtocolName = ""
@@ -74,7 +74,7 @@ class Asked:
     difference: Annotated[
         dict[str, float], from_text(differences), Parameter(accepts_keys=False, metavar="COLUMN=SIZE,...")
     ] = field(default_factory=dict)
-    """With --dry-run, say how many scenes or seeds resolve this difference, such as albedo/psnr=0.3."""
+    """With --dry-run, print how many scenes or seeds resolve this difference, such as albedo/psnr=0.3."""
     as_json: Json = False
     """Print events instead of tables, one JSON object a line."""
 

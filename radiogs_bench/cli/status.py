@@ -29,7 +29,7 @@ WIDE = 100
 
 
 def status(out: Path, /, *, as_json: Json = False, watch: MaybeCount = None) -> None:
-    """Say how far a run is: its cells, their steps, and the time left.
+    """Print the progress of a run: its cells, their steps, and the time left.
 
     Example:  radiogs-bench status out/ablations --watch
 

@@ -118,7 +118,7 @@ class Gating:
     """With --update, measure how far a rerun differs: this folder has the same run with another --threads. This option
     may be repeated."""
     power: bool = False
-    """Say which loss of each metric a gate with this baseline finds in three of four runs; compare nothing."""
+    """Print the loss of each metric that a gate with this baseline finds in three of four runs; compare nothing."""
     accept_changes: bool = False
     """Let a run pass whose training computes something else, as long as nothing is worse."""
     slow_fails: bool = False

@@ -2,7 +2,7 @@
 
 Each view adds, to the lattice points near the surfaces that it sees, their distance from the surface along the ray, in
 units of the truncation and cut at 1: positive in front, negative behind. Points that are further behind than the
-truncation are hidden from the view and get nothing from it; nor do those that it sees before an empty background. The
+truncation are hidden from the view and get nothing from it; nor do points that it sees before an empty background. The
 mean over views is zero at the surface. Views are weighted by the cosine at which they see the surface: distances along
 oblique rays are too large, unequally so before and behind a curved surface, and noise of the depth counts for more.
 

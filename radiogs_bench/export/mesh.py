@@ -127,9 +127,9 @@ def mesh_of(
 ) -> Mesh:
     """The surface that a model's depth maps of some views agree on, in the world.
 
-    Depth maps are rendered one at a time; ``advance`` is told how many of them are done. Raises NotOffered for a model
-    that renders no depth or coverage, UsageError where voxels need more than ``most_bytes``, DataError where no view
-    sees a surface.
+    Depth maps are rendered one at a time; ``advance`` receives their numbers, done and total. Raises NotOffered for a
+    model that renders no depth or coverage, UsageError where voxels need more than ``most_bytes``, DataError where no
+    view sees a surface.
     """
     fusion = Fusion(lattice, most_bytes)
     for done, (view, maps) in enumerate(rendered(prepared, views, NEEDED, device=device, method=method), 1):

@@ -59,7 +59,7 @@ class Begun(TypedDict):
 
 
 def download(url: str, partial: Path, advance: Advance, remedy: str = "", timeout: float = TIMEOUT) -> None:
-    """Put the whole of ``url`` into ``partial``, which may hold the beginning of it from an earlier call.
+    """Download ``url`` to ``partial``, which may hold the file's beginning from an earlier call.
 
     It is continued only if the server's answer names the version that was begun (by its ETag or its date, kept in
     ``<partial>.json``); otherwise it starts again. The received part of an interrupted download is kept. Neither file

@@ -1,4 +1,4 @@
-"""Fetches a data set: downloads, checks and unpacks what is missing, and records what it was."""
+"""Fetches a data set: downloads, checks and unpacks missing pieces, and records each piece."""
 
 import json
 from collections.abc import Callable

@@ -84,7 +84,7 @@ def fetch(source: Piece, folder: Path, advance: Callable[[int, int], None], time
 def fetch_missing(nets: Iterable[Net], say: Callable[[str], None], advance: Callable[[str, int, int], None]) -> None:
     """Download the weights that given networks lack, once for this user, if there is a network.
 
-    ``say`` is called with what is fetched and why it could not be; ``advance`` with (name, done, total) bytes. After a
+    ``say`` receives what is fetched, or why it could not be; ``advance`` with (name, done, total) bytes. After a
     failure nothing more is tried.
     """
     if os.environ.get(OFFLINE_VARIABLE):

@@ -60,7 +60,7 @@ def standing_of(store: Store, sweep: Sweep) -> Standing:
 
 
 def _seconds_left(store: Store, sweep: Sweep) -> float | None:
-    """Seconds of one process that runs what is left."""
+    """Seconds that one process needs for the remaining work."""
     found = {ref["key"]: store.result(ref["key"]) for ref in sweep["cells"]}
     results = {key: result for key, result in found.items() if result is not None}
     keys = {key for ref in sweep["cells"] for key in ref["stages"]}
@@ -138,8 +138,8 @@ class WorkLeft:
 def work_left(refs: Sequence[CellRef], results: Mapping[str, Result], products: Container[str]) -> WorkLeft:
     """The cells of ``refs`` without a result, and their stages without a product.
 
-    A stage takes as long as those of the same row did, else as those of all rows. Steps of an unfinished
-    stage that a checkpoint holds are not taken off.
+    A stage's time is estimated by the same row's stages, else by all rows' stages. Steps of an unfinished stage that a
+    checkpoint holds are not taken off.
     """
     by_row: dict[tuple[str, int], list[float]] = {}
     overall: dict[int, list[float]] = {}

@@ -57,7 +57,7 @@ class RunPlan:
     lines: Sequence[TableRow]
     """The rows as tables print them, refused rows included."""
     places: Mapping[str, str] = field(default_factory=dict)
-    """Name or path of each scene, from which other processes load it."""
+    """Name or path of each scene, by which other processes load it."""
     remarks: Sequence[str] = ()
     """Sentences on rows that do not run as asked, and on repairs in the scenes' files."""
 

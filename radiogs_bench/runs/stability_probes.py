@@ -105,7 +105,7 @@ class Errors:
     """Errors of one kernel under one condition.
 
     forward: the worst error of an output, relative to its unit or its largest entry, whichever is larger. gradient: the
-    worst error of an input's gradient, relative to its largest entry. guards: those that acted in float32.
+    worst error of an input's gradient, relative to its largest entry. guards: counts in float32.
     """
 
     forward: float

@@ -171,7 +171,7 @@ def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | Non
 def read_trained(folder: Path, device: torch.device, changes: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
     """The run and the model that were trained in a folder.
 
-    ``changes`` changes fields of the variant that only rendering reads, such as RadioGS's ``relighting``. Raises
+    ``changes``: new values of variant fields that only rendering reads, such as RadioGS's ``relighting``. Raises
     DataError if there is no model or its scene has changed.
     """
     about = read_about(folder)

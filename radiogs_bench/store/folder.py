@@ -117,7 +117,7 @@ class Store:
         return result
 
     def check_arrays(self, result: Result) -> Result:
-        """Check that the result's array file has the stored digest. Raises FileNotFoundError, Broken, StoreError."""
+        """The result, if its array file has the digest in it. Raises FileNotFoundError, Broken, StoreError."""
         path, named = self.arrays_path(result["key"]), result["arrays"]
         with explained_reading(path), opened(path) as file:
             stat = os.fstat(file.fileno())

@@ -20,7 +20,7 @@ class MetricValue(TypedDict):
     value: float | None
     """The value; None if it is missing or not finite."""
     reason: str | None
-    """Why the value is None."""
+    """Why the value is missing."""
     views: list[float | None]
     """The value of each test view, in the order of the result's ``views``; None for a view without one."""
 

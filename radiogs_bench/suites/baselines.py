@@ -1,6 +1,6 @@
 """Published methods, implemented anew on the primitives of RadioGS: their comparison, and ablations of each.
 
-docs/baselines.md says what was measured, and what each ablation stands for.
+docs/baselines.md has measurements, and the meaning of each ablation.
 """
 
 from .own import EVERY_PART

@@ -185,7 +185,7 @@ FAKE = FakeMethod()
 
 
 def method(name: str) -> FakeMethod:
-    """The fake, whatever is asked for; as other processes find it."""
+    """The fake method whatever name is asked for, as other processes find it."""
     return FAKE
 
 

@@ -136,7 +136,7 @@ def flips(folder: Path, count: int, seed: int) -> dict[str, Counter[str]]:
 
 
 ODD: tuple[Any, ...] = (None, True, -1, 10**400, 1.5, "x", "\ud800", [], [[]], {}, {"a": None}, ["x", 1])
-"""Values that take the place of others of a stored file."""
+"""Values that replace values of a stored file."""
 
 COMMANDS = ("status", "report", "verify", "render", "gate", "export", "record")
 SEALED = ", sealed again"

@@ -36,7 +36,7 @@ class Found:
 
 
 def resolved(folder: Path, path: str) -> str:
-    """The path with each ``*`` replaced by the entry that is last in numerical order; unchanged if there is none."""
+    """The path with each ``*`` replaced by the entry that is last in numerical order; unchanged without an entry."""
     parts = path.split("/")
     for index, part in enumerate(parts):
         if "*" in part:

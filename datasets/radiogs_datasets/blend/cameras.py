@@ -23,7 +23,7 @@ BOX = 1.5
 """Published scenes lie within +-BOX world units, and methods look for surfaces there."""
 
 SMALLEST = 0.2
-"""Largest side of a scene, in world units, below which the published cameras would see hardly any of it."""
+"""Smallest allowed side of a scene, world units: published cameras would see hardly anything of a smaller one."""
 
 FITTED = 3.0
 """Distance of fitted cameras from the middle of a scene's box, in half diagonals: its sphere fills the image."""

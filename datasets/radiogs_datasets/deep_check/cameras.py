@@ -85,7 +85,7 @@ NEGATED = {
     "x axis negated (handedness)": (-1.0, 1.0, 1.0), "y axis negated (handedness)": (1.0, -1.0, 1.0),
     "z axis negated (handedness)": (1.0, 1.0, -1.0), "x and z axes negated": (-1.0, 1.0, -1.0),
 }  # fmt: skip
-"""Signs of a camera's axes by words for what is wrong with them."""
+"""Words for wrongly negated axes of a camera, each with the signs."""
 
 MIRRORS = {"x": np.diag([-1.0, 1, 1]), "y": np.diag([1.0, -1, 1]), "z": np.diag([1.0, 1, -1])}
 Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])

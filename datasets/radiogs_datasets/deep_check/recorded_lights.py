@@ -152,7 +152,7 @@ class Shaded:
 
 @dataclass(frozen=True)
 class Materials:
-    """The surface at the points, and what it sends of each texel's light."""
+    """The surface at the points, and the share of each texel's light that it sends to the camera."""
 
     albedo: Array
     diffuse: Array

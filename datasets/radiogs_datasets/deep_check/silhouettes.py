@@ -42,7 +42,7 @@ WIDER = np.array([[-8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0]]).T
 """Pixels by which a mask may be larger than the object."""
 
 AGREEING, AHEAD = 0.5, 0.1
-"""Share of the matches of images that agree with cameras which are right, and by how much it is ahead of others'."""
+"""Share of the matches that agree with right cameras, and by how much it must exceed the other cameras' share."""
 
 INVERTED_SHARE = 0.7
 """Share of the masks that have to look inverted where no outline is complete."""

@@ -64,7 +64,7 @@ def write_scene(
 
 
 def _write_lights(recipe: Recipe, folder: Path) -> dict[str, mi.Scene]:
-    """The recipe under each of its lights; what is rendered is what is stored, as RGBE keeps only eight bits."""
+    """The recipe under each of its lights, which are rendered as stored, because RGBE keeps only eight bits."""
     folder.mkdir()
     lights = {}
     for role, name in {TRAINING_LIGHT: recipe.training_light, **{name: name for name in recipe.relight}}.items():

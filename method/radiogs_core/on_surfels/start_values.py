@@ -51,8 +51,8 @@ class LightStart:
     mean_albedo: float = 0.4
     """Albedo of all points under the constant light that the search starts from."""
     turned: float = 0.5
-    """Weight of the distance between normals, relative to that between positions, in standard deviations of the
-    positions, when points near a surfel are searched for."""
+    """Weight of distances between normals relative to distances between positions (in standard deviations of the
+    positions) in the search for points near a surfel."""
     albedo_range: tuple[float, float] = (0.02, 0.95)
     """Smallest and largest initial albedo of surfels."""
 

@@ -73,7 +73,7 @@ def bounced_incident(
 ) -> Incident:
     """Incident light whose L_ind has met up to ``bounces`` surfaces, and an estimate of what would follow.
 
-    ``albedo``: linear, used instead of that of the surfels. ``environment``: distant light, linear RGB, lat-long.
+    ``albedo``: linear, used instead of the surfels'. ``environment``: distant light, linear RGB, lat-long.
     ``directions``: unit directions and their solid angles. ``plan``: the effects that are traced; the others have the
     substitutes (``SurfelTracer.untraced``). ``lamps``: their light on the surfels (``lamp_light``), which L_ind begins
     with, too.

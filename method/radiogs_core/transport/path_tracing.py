@@ -66,7 +66,7 @@ class PathTracer:
 
     Args:
         tracer: Traces the rays.
-        albedo: Linear albedo, used instead of that of the surfels, because relighting scales it.
+        albedo: Linear albedo, used instead of the surfels', because relighting scales it.
         light: Distant light.
         generator: Draws directions, surfels and the ends of paths.
         specular_at: Whether each surfel has a specular lobe (None: all); see ``shading.lambert_albedo``.

@@ -1,8 +1,8 @@
 """Scenes for measuring kernels: surfels, and rays from them.
 
-S a sphere above a plane, 4,096 surfels, 2^14 rays from their visible sides M 100,000 surfels over a closed blob with
-deep hollows, 2^18 rays outwards: 42 % hit something, 5 hits per ray Mi the blob of scene M seen from inside: every ray
-hits something, 15 hits per ray
+S   a sphere above a plane, 4,096 surfels, 2^14 rays from their visible sides
+M   100,000 surfels over a closed blob with deep hollows, 2^18 rays outwards: 42 % hit something, 5 hits per ray
+Mi  the blob of scene M seen from inside: every ray hits something, 15 hits per ray
 
 and, from a file of points, real geometry of uneven density.
 """

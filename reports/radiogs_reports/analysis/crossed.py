@@ -17,7 +17,7 @@ FEWEST = 2
 
 
 class Crossed(NamedTuple):
-    """A setting, two values of it, and the pairs of rows that differ in nothing else."""
+    """A setting, two values of it, and the pairs of rows that differ in it alone."""
 
     setting: str
     """Its dotted name."""

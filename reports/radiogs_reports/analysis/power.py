@@ -75,7 +75,7 @@ class Plan(NamedTuple):
 def expected_difference(plan: Plan, parts: Mapping[Level, float], comparisons: int) -> float | None:
     """``smallest_difference`` of a plan, given the standard deviations of a difference (``statistics.spread``).
 
-    A part that is not known lies in that of the level above. None for a single unit, or if the units' part is unknown.
+    An unknown part counts in the level above. None for a single unit, or if the units' part is unknown.
     """
     over, units = plan.units()
     if units < 2 or over not in parts:

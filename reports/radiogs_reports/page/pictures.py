@@ -1,6 +1,6 @@
 """Maps and error maps of every kept view of every cell, for the page's browser of images.
 
-The sheets stand inside the page, as many as fit, or on request in a folder beside it.
+As many sheets as fit are inside the page, or on request all in a folder beside it.
 """
 
 import base64

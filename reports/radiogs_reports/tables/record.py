@@ -68,7 +68,7 @@ def record_reports(summary: Summary) -> list[RecordReport]:
 
 
 def record_report(run: RecordedRun, name: str, here: Table | None = None) -> RecordReport:
-    """A recorded run as it is shown. ``name``: of its table. ``here``: the table of a run to compare with it."""
+    """A recorded run for display. ``name``: of its table. ``here``: the table of a run to compare with it."""
     facts = {
         **{name: run["origin"].get(name, "") for name in ORIGIN},
         "Machine": run["machine"],

@@ -1,4 +1,4 @@
-"""Textured meshes of two painted balls: what other programs find in their files is the paint, where it is."""
+"""Textured meshes of two painted balls: other programs find the paint at its place in the files."""
 
 import json
 import struct

@@ -67,7 +67,7 @@ def test_undetermined_roughness_marks_its_rows_with_measurements() -> None:
 
 
 def test_values_of_an_earlier_version_of_a_protocol_say_so() -> None:
-    """Results from before there were versions have no title."""
+    """Results from before protocols had versions have no title."""
     words = protocol("r3dg").describe()
     before = {name: value for name, value in words.items() if name not in ("title", "version")}
     (found,) = doubts([cell("ours", protocol=before)], sweep("ours", columns=()))

@@ -203,7 +203,7 @@ MARKED = re.compile(r"<!-- from records/([\w-]+)\.md -->\n(.*?)<!-- end of recor
 
 
 def marked() -> list[tuple[Path, str, str]]:
-    """Document, record and text of every such part."""
+    """Document, record and text of every part between marks."""
     documents = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
     return [(path, *found) for path in documents for found in MARKED.findall(path.read_text(encoding="utf-8"))]
 

@@ -235,7 +235,7 @@ def test_every_field_of_the_variant_is_in_the_content() -> None:
 
 @pytest.mark.parametrize("variant", [Variant(deviations=tuple(DEVIATIONS)), Variant(effects=("visibility",))])
 def test_a_stored_result_returns_the_content_of_its_cell(variant: Variant) -> None:
-    """Else nothing that is looked for by its content is ever found in a store."""
+    """Otherwise nothing would be found in a store by its content."""
     content = fake_cell(variant=variant).content()
     assert json.loads(json.dumps(content)) == content
 

@@ -19,7 +19,7 @@ def seeds(*values: float) -> Sample:
 
 
 LEVELS = (30.0, 33.0, 36.0)
-"""By seed: far apart, so that only pairs resolve a decibel."""
+"""By seed; the levels are so far apart that only paired differences resolve a decibel."""
 
 
 def shifted(*by: float) -> Sample:
