@@ -76,7 +76,7 @@ def relight(
 
     :param folder: Open the model that `train` left in this folder.
     :param envmap: Relight by this light of the scene, or by this .hdr or .exr file: latitude-longitude, or a cube map
-        that says how its faces lie.
+        with a known layout of faces.
     """
     import torch
 

@@ -72,7 +72,7 @@ def _how(error: Exception) -> str:
 
 
 def verify(folder: Path) -> Verified:
-    """Check all files with a seal, a digest or a name. Raises DataError unless the folder is a run."""
+    """Check all files with a seal, a digest or a name. Raises DataError for a folder without such files."""
     store, found = Store(folder), Verified()
     readers: Mapping[str, Callable[[Path], object]] = {
         "sweep.json": read_sweep, "trained.json": read_about, "summary.json": read_summary,

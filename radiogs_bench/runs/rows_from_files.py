@@ -46,7 +46,7 @@ LONGEST_NAME = 80
 PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,60}")
 
 PNG_BITS = 24
-"""Bits per channel in a PNG file follow these bytes: the signature, IHDR's head, width and height."""
+"""Offset of the bits per channel in a PNG file: after the signature, IHDR's head, width and height."""
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ class SizeResult:
         return self.broke_at is None and not self.stopped
 
     def named(self) -> dict[tuple[str, str], Phase]:
-        """The phases by row and position in order: keys of stages differ between sizes, their order does not."""
+        """The phases by the position of their key, and title: keys differ between sizes, their order does not."""
         numbers: dict[str, int] = {}
         for phase in self.phases:
             numbers.setdefault(phase.key, len(numbers))

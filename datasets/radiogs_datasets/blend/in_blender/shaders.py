@@ -97,7 +97,7 @@ def _mix(node: Any, maths: Arithmetic) -> Said:
 
 
 def _add(node: Any, maths: Arithmetic) -> Said:
-    """Add two surfaces; the sum has the narrower lobe's roughness if both are numbers, else the first one's."""
+    """Add two surfaces; the roughness is the smaller one if both are numbers, else the first that is linked."""
     first, second = (surface(node.inputs[place], maths) for place in (0, 1))
     rough = first.roughness
     if isinstance(first.roughness, float) and isinstance(second.roughness, float):
