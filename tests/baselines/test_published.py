@@ -162,7 +162,7 @@ def test_an_unknown_table_lists_its_neighbours() -> None:
 
 
 @pytest.mark.parametrize("key", TABLES)
-def test_conditions_are_what_the_data_say(key: str) -> None:
+def test_conditions_agree_with_the_data(key: str) -> None:
     table = published(key)
     assert table.data.endswith(f", mean of {', '.join(table.conditions.scenes)}")
     least, most = table.conditions.width

@@ -51,7 +51,7 @@ def mended(bench: Bench, folder: Path) -> Bench:
     return Bench(method_of(folder, toml([FIRST, SECOND])), bench.scene, bench.workspace, states=bench.states)
 
 
-def test_a_crash_says_what_the_code_said_last_and_where_its_log_is(cell_of: Cells) -> None:
+def test_a_crash_message_has_the_codes_last_lines_and_its_log(cell_of: Cells) -> None:
     bench = cell(cell_of, f"{SECOND}|--habit|crash")
     with pytest.raises(CommandFailed) as failure:
         bench.train()
@@ -264,7 +264,7 @@ def test_a_program_that_is_not_there_is_an_error(
     assert "No such file" in failure.value.why
 
 
-def test_a_file_that_may_not_grow_is_told_as_a_full_disk(tmp_path: Path, cell_of: Cells) -> None:
+def test_a_file_that_may_not_grow_is_reported_as_a_full_disk(tmp_path: Path, cell_of: Cells) -> None:
     """RLIMIT_FSIZE: the kernel refuses in the middle of a write, as on a full disk."""
     bench = cell(cell_of, f"{SECOND}|--habit|fill the disk")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -178,9 +178,7 @@ def test_numbered_files_are_of_test_views_and_of_no_view_elsewhere(
         assert (relit.render(view.camera)["image"] - truth).abs().mean() < 0.05
 
 
-def test_the_lights_that_a_code_reads_are_those_of_the_scene(
-    convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf
-) -> None:
+def test_a_code_reads_the_lights_of_the_scene(convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf) -> None:
     laid = f"{shelf('plain')}|--light|{{light}}|--light_file|{{light_file}}"
     bench = cell_of(toml(["--name|model-1"], "", laid))
     trained = bench.train()

@@ -56,7 +56,7 @@ def test_a_run_reports_itself_where_another_was_started_in_its_folder(tmp_path: 
 
 
 @pytest.mark.slow
-def test_reports_do_not_overwrite_what_links_lead_to(run: Path, tmp_path: Path) -> None:
+def test_reports_do_not_overwrite_targets_of_links(run: Path, tmp_path: Path) -> None:
     """Audit M18."""
     mine = tmp_path / "mine"
     mine.write_text("mine")
@@ -160,7 +160,7 @@ def test_an_unreadable_file_is_an_explained_error(name: str, run: Path, capsys: 
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_damage_in_a_folder_that_is_only_readable_is_said(run: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_damage_in_a_read_only_folder_is_reported(run: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = sorted((run / "cells").glob("*.json"))[0]
     path.write_bytes(b"")
     for folder in (run / "cells", run):

@@ -91,7 +91,7 @@ def test_a_malformed_pace_file_is_ignored(content: str, tmp_path: Path) -> None:
     assert pace_of(Store(tmp_path), KEY) is None
 
 
-def test_the_parent_of_a_pool_shows_what_its_workers_do(tmp_path: Path) -> None:
+def test_the_parent_of_a_pool_shows_its_workers_tasks(tmp_path: Path) -> None:
     store, recorder = Store(tmp_path), Recorder()
     others = OthersProgress(recorder, store, {KEY: "corner ours seed 0"})
     others.look()
@@ -236,7 +236,7 @@ def test_a_silent_cell_is_marked_and_has_no_time_left(half_done: tuple[Store, Sw
     assert standing.seconds_left is None
 
 
-def test_status_says_step_speed_and_time_left(
+def test_status_prints_step_speed_and_time_left(
     half_done: tuple[Store, Sweep], capsys: pytest.CaptureFixture[str]
 ) -> None:
     store, sweep = half_done

@@ -210,7 +210,7 @@ def test_a_malformed_answer_is_one_kind_of_error_and_leaves_nothing(
     assert not getattr(refused.value, "unreachable", False)
 
 
-def test_an_answer_in_chunks_is_whole_when_it_says_so(answering: Callable[..., str], tmp_path: Path) -> None:
+def test_a_chunked_answer_is_complete_at_its_end_mark(answering: Callable[..., str], tmp_path: Path) -> None:
     head = OK + b"Transfer-Encoding: chunked\r\n\r\n5\r\n12345\r\n"
     download(answering(head + b"0\r\n\r\n"), tmp_path / "a", nothing)
     assert (tmp_path / "a").read_bytes() == b"12345"
@@ -376,7 +376,7 @@ def test_the_catalogue_names_files_that_stay_in_their_folder() -> None:
             assert len(piece.sha256) in (0, 64)
 
 
-def test_checksums_of_the_lights_are_those_of_the_published_files(shared_data: Path) -> None:
+def test_checksums_of_the_lights_match_the_published_files(shared_data: Path) -> None:
     for piece in DATA_SETS["synthetic4relight"].pieces:
         if piece.sha256:
             assert sha256_of(shared_data / "envmaps" / "synthetic4relight" / piece.name) == piece.sha256

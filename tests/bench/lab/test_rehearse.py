@@ -118,7 +118,7 @@ class Endless(FakeStage):
         return super().step()
 
 
-def test_a_rehearsal_that_is_stopped_keeps_what_was_measured(tmp_path: Path) -> None:
+def test_a_stopped_rehearsal_keeps_its_measurements(tmp_path: Path) -> None:
     with with_second_stage(Endless):
         assert main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path)]) == 130
     found = recorded(tmp_path)
@@ -184,7 +184,7 @@ def test_a_short_run_of_the_papers_budget_keeps_its_sizes_and_counts_its_steps()
     }  # fmt: skip
 
 
-def test_rounds_and_looks_for_hidden_surfels_come_when_the_short_run_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_density_rounds_and_hidden_searches_occur_as_the_short_run_plans(monkeypatch: pytest.MonkeyPatch) -> None:
     from radiogs.method import RADIOGS
     from radiogs_core.contract import Run
     from radiogs_datasets import load_scene
@@ -298,7 +298,7 @@ def test_only_errors_of_allocation_count_as_a_lack_of_memory() -> None:
     assert not of_memory(None)
 
 
-def test_the_documents_tables_are_those_of_the_stored_rehearsals() -> None:
+def test_the_documents_tables_equal_the_stored_rehearsals() -> None:
     document = Path(__file__).parents[3] / "docs" / "paper_scale.md"
     files = sorted(document.with_suffix("").glob("*.json"))
     assert files

@@ -178,7 +178,7 @@ def test_frames_by_rays_are_compared_with_frames_by_surfels() -> None:
     assert list(frames_said({"rows": [rays, {**alone, "median": 0.0}]})) == []
 
 
-def test_operations_are_counted_with_those_of_the_backward_pass() -> None:
+def test_operations_of_the_backward_pass_are_counted_too() -> None:
     value = torch.ones(3, requires_grad=True)
     with counting() as forward:
         total = (value * 2).sum()
@@ -224,7 +224,7 @@ def test_a_ratio_above_one_is_faster_now_and_lies_between_the_ends_of_both_inter
     assert times_as_fast(before, {**now, "median": 0.0}) == ("too short", "")
 
 
-def test_an_interval_of_a_median_holds_as_much_as_it_says() -> None:
+def test_an_interval_of_a_median_has_its_stated_coverage() -> None:
     assert median_of([float(each) for each in range(20)]) == {"median": 9.5, "low": 5, "high": 14}
     assert 1 - 2 * stats.binom.cdf(5, 20, 0.5) >= 0.95
     assert 1 - 2 * stats.binom.cdf(6, 20, 0.5) < 0.95

@@ -146,7 +146,7 @@ def test_columns_depend_on_brightness_where_their_protocol_does_not_align_them()
 @pytest.mark.parametrize(
     ("column", "constant"), [("roughness/mse", "roughness"), ("environment/error_scaled", "light")]
 )
-def test_a_map_that_is_no_better_than_a_constant_says_so(column: str, constant: str) -> None:
+def test_a_map_no_better_than_a_constant_is_marked(column: str, constant: str) -> None:
     reference = f"{column.partition('/')[0]}/constant"
     cells = [
         cell("worse", metrics={column: 0.03, reference: 0.02}),

@@ -70,7 +70,7 @@ def compared(folder: Path, baseline: dict[str, Any], gains: tuple[float, ...]) -
         ((-1.0, 1.1, -1.2), None),
     ],
 )
-def test_a_loss_over_seeds_is_a_regression_and_a_gain_is_said(
+def test_a_loss_over_seeds_is_a_regression_and_a_gain_is_reported(
     gains: tuple[float, ...], severity: str | None, runs: tuple[Path, Path], baseline: dict[str, Any]
 ) -> None:
     found = compared(runs[0], baseline, gains)
@@ -149,7 +149,7 @@ def test_no_baseline_is_made_with_a_rerun_that_is_worse_in_every_seed(
     assert not file.exists()
 
 
-def test_the_power_is_said_by_metric_in_its_unit(baseline: dict[str, Any]) -> None:
+def test_the_power_is_printed_by_metric_in_its_unit(baseline: dict[str, Any]) -> None:
     (line,) = (each for each in power_lines(baseline) if each.startswith(f"{OURS}: "))
     assert "nvs/psnr: a mean loss of" in line
     assert "dB (higher is better), seeds: 3; a rerun differs by 0.1 dB" in line

@@ -186,7 +186,7 @@ def test_the_document_and_the_page_of_a_record_are_written_again_from_the_record
     assert main(["record", "--to", str(record)]) == 2
 
 
-def test_the_committed_pages_are_those_of_the_committed_records_one_short_table_each() -> None:
+def test_committed_pages_equal_their_records_with_one_short_table_each() -> None:
     found = sorted(RECORDS.glob("*.json"))
     assert {path.stem for path in found} == {path.stem for path in PAGES.glob("*.md")} >= {"ablations", "departures"}
     for path in found:

@@ -80,7 +80,7 @@ def test_lpips_that_no_row_has_for_lack_of_weights_is_left_out_with_the_reason(s
     assert not any("left out" in doubt["text"] for doubt in one_row_has_it["doubts"])
 
 
-def test_means_are_over_kinds_of_scenes_and_intervals_say_what_they_count(sweep: FakeSweep) -> None:
+def test_means_are_over_kinds_of_scenes_and_intervals_state_their_units(sweep: FakeSweep) -> None:
     manifest = REQUEST.manifest()
     manifest["scenes"], manifest["seeds"] = ["ball", "bowl", "niche"], [0]
     manifest["cells"] = [{**place, "scene": manifest["scenes"][place["seed"]], "seed": 0} for place in PLACES]
@@ -152,7 +152,7 @@ def test_a_plan_comes_with_its_bound_and_the_cost_of_probes(sweep: FakeSweep) ->
     assert plan_summary(result) is None
 
 
-def test_a_metric_that_no_result_has_says_why(sweep: FakeSweep) -> None:
+def test_a_metric_that_no_result_has_gives_its_reason(sweep: FakeSweep) -> None:
     summary = summarise(sweep.store, REQUEST.manifest(), PUBLISHED, "four scenes")
     found = summary["cells"]["ours"]["albedo/psnr"]
     assert found == {

@@ -96,7 +96,7 @@ def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
 
 
 @pytest.mark.slow
-def test_a_probe_of_a_scene_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_probe_of_a_scene_gives_its_reasons(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["probe", "convex", "--picture", str(tmp_path / "convex.png")]) == 0
     said = capsys.readouterr().out
     assert "visibility" in said

@@ -240,7 +240,7 @@ def test_every_variant_of_every_method_is_warmed_up_once() -> None:
     assert second.stepped == ["fit"]
 
 
-def test_variants_are_warmed_up_with_one_start_and_one_step_of_what_they_share() -> None:
+def test_variants_are_warmed_up_with_one_start_and_step_of_shared_stages() -> None:
     chain = Starting()
     compile_kernels(sphere_scene(views=4), CPU, [(chain, Turned()), (chain, Turned(weight=2.0))])
     assert (chain.made, chain.stepped) == (1, ["coarse", "fine", "fine"])

@@ -192,7 +192,7 @@ def stored_alone(sweep: FakeSweep) -> Result:
     return result
 
 
-def test_every_training_stage_says_how_fast_the_machine_was(tmp_path: Path) -> None:
+def test_every_training_stage_records_the_machines_speed(tmp_path: Path) -> None:
     sweep = FakeSweep(tmp_path)
     sweep.run([fake_cell()])
     for stage in ("initialise", "invert"):

@@ -627,7 +627,7 @@ CAMERA = SCENE.test[0].camera
         ),
     ],
 )
-def test_a_map_that_cannot_be_scored_is_refused_with_what_is_wrong(
+def test_a_map_that_cannot_be_scored_is_refused_with_its_fault(
     name: str, image: Any, what: str, why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown = ChainPrepared(0.5)

@@ -228,7 +228,7 @@ def test_a_request_to_stop_is_noticed() -> None:
         determined(Changed(made), made, CPU, "changed", stop)
 
 
-def test_images_of_another_number_or_size_and_those_not_finite_are_refused() -> None:
+def test_images_of_wrong_number_or_size_or_not_finite_are_refused() -> None:
     made = scene()
 
     class Fewer(Changed):
@@ -244,7 +244,7 @@ def test_images_of_another_number_or_size_and_those_not_finite_are_refused() -> 
         determined(NotFinite(made), made, CPU, "infinite")
 
 
-def test_a_result_keeps_what_was_measured_of_its_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_result_keeps_the_measurements_of_its_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record = parabolas([0.1, 0.2, 0.0])
     asked: list[Any] = []
 

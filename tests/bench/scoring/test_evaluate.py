@@ -139,7 +139,7 @@ def test_maps_without_truth_are_absent_and_maps_that_some_views_lack_are_named()
     assert found.shown_light is None
 
 
-def test_the_arrays_are_what_the_contact_sheet_shows() -> None:
+def test_the_arrays_hold_the_contact_sheets_maps() -> None:
     known = EVERYTHING | {"relit/sun/indirect": 3}
     scene = scene_of(view_with(0, known), view_with(1, known))
     found = values(scene)

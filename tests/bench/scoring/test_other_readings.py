@@ -84,7 +84,7 @@ def few(name: str) -> Scene:
     return replace(whole, test=whole.test[:4])
 
 
-def test_nothing_is_said_of_right_and_of_bad_images(tmp_path: Path, scene: Scene) -> None:
+def test_right_and_merely_bad_images_cause_no_remark(tmp_path: Path, scene: Scene) -> None:
     for what in ("exact", "much noise", "much blurred", "coarse", "black"):
         assert said(write(tmp_path / what, scene, "image", BAD[what]), scene) == [], what
 
@@ -98,7 +98,7 @@ def test_images_that_are_merely_bad_cause_no_remark(tmp_path: Path, name: str, k
         assert said(write(tmp_path / what, scene, kind, change), scene) == [], what
 
 
-def test_nothing_is_said_of_right_and_of_bad_normals(tmp_path: Path, scene: Scene) -> None:
+def test_right_and_merely_bad_normals_cause_no_remark(tmp_path: Path, scene: Scene) -> None:
     for what in ("exact", "much noise", "much blurred", "coarse"):
         change = BAD[what]
         folder = write(tmp_path / what, scene, "normal", lambda n, c=change: normalize(2 * c(n / 2 + 0.5) - 1, dim=-1))

@@ -125,7 +125,7 @@ def test_the_iteration_with_the_largest_number_is_read(scene: Scene, tmp_path: P
         ("{index}", "0.png"),
     ],
 )
-def test_images_of_anybody_are_read_by_name_or_number_and_that_is_said(
+def test_plain_images_are_read_by_name_or_number_with_a_remark(
     place: str, first: str, folders: dict[str, Path], scene: Scene, tmp_path: Path
 ) -> None:
     """Numbers are places in the order of the test views; ``relit`` may be numbered likewise."""

@@ -146,7 +146,7 @@ def test_a_missing_relit_view_leaves_the_metrics_of_the_other_views(scene: Scene
     assert score.metrics["relight/overcast/psnr"]["value"] is not None
 
 
-def test_the_mean_over_lights_is_that_of_the_lights(scene: Scene, tmp_path: Path) -> None:
+def test_the_mean_over_lights_equals_the_lights_mean(scene: Scene, tmp_path: Path) -> None:
     WRITERS["gs-ir"](tmp_path, noisy(scene))
     found = values(tmp_path, scene)
     lights = [found[f"relight/{light}/psnr"] for light in scene.lights]

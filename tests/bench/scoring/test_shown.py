@@ -98,7 +98,7 @@ def test_without_a_number_as_many_are_kept_as_fit(monkeypatch: pytest.MonkeyPatc
     assert views_to_keep(model.scene, None) == {"view_2"}
 
 
-def test_metrics_do_not_depend_on_what_is_kept() -> None:
+def test_metrics_do_not_depend_on_the_kept_views() -> None:
     rules, scenes = protocol("default"), scene()
 
     def metrics(kept: int | None) -> object:
@@ -238,7 +238,7 @@ def surfels() -> Surfels:
     )
 
 
-def test_arrays_hold_what_the_raw_parameters_mean(surfels: Surfels) -> None:
+def test_arrays_hold_the_activated_parameters(surfels: Surfels) -> None:
     arrays = surfel_arrays(Model(surfels), SEEN_FROM, {})
     order = (surfels.opacity * surfels.scale.prod(-1)).argsort(descending=True)
     assert (arrays["surfels/centre"] == surfels.centre[order].numpy()).all()

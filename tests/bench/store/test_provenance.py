@@ -68,7 +68,7 @@ def test_a_session_names_versions_machine_and_memory() -> None:
     assert datetime.datetime.fromisoformat(found["date"]).utcoffset() == datetime.timedelta(0)
 
 
-def test_peak_memory_is_in_bytes_and_grows_with_what_is_held() -> None:
+def test_peak_memory_is_in_bytes_and_grows_with_held_memory() -> None:
     before = peak_memory(CPU)["host"]
     assert 2**26 < before < 2**40
     held = torch.ones(before // 4 + 2**24)  # more than the peak so far, in four-byte floats
@@ -100,7 +100,7 @@ def test_a_part_of_a_stage_has_separate_peaks_and_the_stage_keeps_all() -> None:
     assert peak_memory(CPU)["host"] >= peaks["host"]
 
 
-def test_without_a_reset_the_peak_is_that_of_the_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_a_reset_the_peak_covers_the_whole_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(provenance, "PEAK_RESET", tmp_path / "nowhere" / "clear_refs")
     monkeypatch.setattr(provenance, "PROCESS_STATUS", tmp_path / "nowhere")
     reset_peaks(CPU)

@@ -181,7 +181,7 @@ def test_a_file_size_limit_of_the_kernel_leaves_the_old_file_whole(tmp_path: Pat
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_the_arrays_are_complete_before_the_result_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_arrays_are_complete_before_the_result_exists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = Store(tmp_path)
     written: list[str] = []
     replace = Path.replace

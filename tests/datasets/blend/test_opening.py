@@ -187,7 +187,7 @@ def test_a_complaint_is_an_error_and_the_next_task_is_answered(tmp_path: Path) -
 
 
 @pytest.mark.usefixtures("echo")
-def test_a_process_that_ends_is_told_with_its_last_words(tmp_path: Path) -> None:
+def test_an_ended_process_is_reported_with_its_last_words(tmp_path: Path) -> None:
     with Blender(tmp_path / "log") as blender:
         with pytest.raises(DataError, match=r"ended by itself \(exit code 11\) at the task 'die'") as caught:
             blender.ask("die")
@@ -196,7 +196,7 @@ def test_a_process_that_ends_is_told_with_its_last_words(tmp_path: Path) -> None
             blender.ask("open")
 
 
-def test_a_python_without_blender_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_python_without_blender_names_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv(process.PYTHON_VARIABLE, str(tmp_path / "no_python"))
     with pytest.raises(UsageError, match="No such file") as caught:
         require_blender()

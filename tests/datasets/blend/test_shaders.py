@@ -80,7 +80,7 @@ def test_a_mixture_is_mixed_in_its_order(share: float | Socket) -> None:
 
 
 @pytest.mark.parametrize(("order", "transparent"), [((0, 1), 0.8), ((1, 0), 0.2)])
-def test_a_cut_out_keeps_the_material_of_what_is_left(order: tuple[int, int], transparent: float) -> None:
+def test_a_cut_out_keeps_the_remaining_material(order: tuple[int, int], transparent: float) -> None:
     parts = [principled(), shader("ShaderNodeBsdfTransparent")]
     first, second = (parts[place] for place in order)
     albedo, roughness, features = said(shader("ShaderNodeMixShader", Fac=0.8, Shader=first, Shader_001=second))

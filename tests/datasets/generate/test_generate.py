@@ -170,7 +170,7 @@ def test_coverage_agrees_with_the_surface_maps() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["convex", "knot", "print", "sculpture", "glossware"])
-def test_the_committed_image_is_what_the_generator_renders(name: str, tmp_path: Path) -> None:
+def test_the_generator_reproduces_the_committed_image(name: str, tmp_path: Path) -> None:
     from radiogs_datasets.generate import render, scene_folder
     from radiogs_datasets.generate.recipe import pinhole
 

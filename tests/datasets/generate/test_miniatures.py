@@ -98,7 +98,7 @@ def test_scene_has_its_views_lights_and_maps(scene: Scene) -> None:
 
 
 @pytest.mark.slow
-def test_surface_maps_are_what_closed_form_intersection_finds(scene: Scene) -> None:
+def test_surface_maps_agree_with_closed_form_intersection(scene: Scene) -> None:
     pattern_on_a_curve = np.array(
         [not isinstance(each, Box) and isinstance(each.material, Patterned) for each in RECIPES[scene.name].solids]
     )
@@ -276,7 +276,7 @@ def test_stored_lights_are_the_procedural_ones(scene: Scene) -> None:
         assert float(error.max()) < 1 / 128  # RGBE: eight bits of the largest channel
 
 
-def test_metadata_says_how_the_scene_was_made(scene: Scene) -> None:
+def test_metadata_records_how_the_scene_was_made(scene: Scene) -> None:
     metadata = json.loads((TINY / scene.name / "metadata.json").read_text())
     assert metadata["scene"] == scene.name
     assert (metadata["samples"], metadata["depth"]) == ({"train": 256, "test": 1024}, 32 if scene.name == "bowl" else 8)

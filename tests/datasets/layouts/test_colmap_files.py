@@ -111,7 +111,7 @@ def test_pycolmap_reads_the_same(scene: Path, text: bool) -> None:
     compare(scene / "sparse", pycolmap)
 
 
-def test_the_statuette_is_what_pycolmap_reads(shared_data: Path) -> None:
+def test_the_statuette_is_read_as_by_pycolmap(shared_data: Path) -> None:
     pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
     model = compare(shared_data / "colmap_statuette/sparse", pycolmap)
     assert (len(model.images), len(model.positions)) == (23, 1443)

@@ -129,7 +129,7 @@ def test_degrees_alone_are_read_where_they_can_be_nothing_else(tmp_path: Path) -
         read_transforms(table(tmp_path / "b.json", {"fovx": 1.2}))
 
 
-def test_other_names_of_focal_lengths_and_absent_centres_are_read_and_said(tmp_path: Path) -> None:
+def test_other_names_of_focal_lengths_and_absent_centres_are_read_with_remarks(tmp_path: Path) -> None:
     """Captures, kind 5: of 16 public repositories one has fx and fy, one neither cx nor cy."""
     named = {"fx": 50.0, "fy": 51.0, "cx": 30.0, "cy": 25.0, "width": 64, "height": 48}
     path = table(tmp_path / "a.json", named)

@@ -63,7 +63,7 @@ def test_points_are_read_from_regular_files_within_their_size(tmp_path: Path) ->
             read_points(tmp_path / name)
 
 
-def test_an_alpha_of_1_throughout_says_nothing_of_a_mask(tmp_path: Path) -> None:
+def test_a_constant_alpha_of_1_does_not_replace_a_mask(tmp_path: Path) -> None:
     """Attack mask_rgba_opaque: every pixel counted as covered."""
     grey = np.zeros((8, 8, 1), np.float32)
     grey[2:6, 2:6] = 1

@@ -92,7 +92,7 @@ def test_outlines_blame_their_best_cause_unless_images_contradict_it(
 
 
 @pytest.mark.parametrize(("azimuth", "named"), [(86.0, False), (30.0, True)])
-def test_a_camera_that_a_convention_hardly_moves_is_not_said_to_be_mirrored(azimuth: float, named: bool) -> None:
+def test_a_camera_that_a_convention_hardly_moves_is_not_called_mirrored(azimuth: float, named: bool) -> None:
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("xz", [-100, azimuth + 90], degrees=True).as_matrix()
     pose[:3, 3] = -4 * pose[:3, 2]

@@ -88,7 +88,7 @@ def test_the_command_prints_json_and_sets_its_exit_code(corner: Path, capsys: py
 
 
 @pytest.mark.slow
-def test_the_command_converts_and_says_what_is_lost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_converts_and_lists_what_is_lost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "new"
     assert main(["datasets", "convert", "convex", "--to", "blender", "--out", str(folder)]) == 0
     said = capsys.readouterr().out

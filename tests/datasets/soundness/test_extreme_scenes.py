@@ -201,7 +201,7 @@ REFUSED: Mapping[str, tuple[Change, str]] = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_an_extreme_scene_is_refused_with_what_why_and_what_next(
+def test_an_extreme_scene_is_refused_with_cause_and_remedy(
     ball: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change, says = REFUSED[name]

@@ -176,7 +176,7 @@ def test_the_check_asks_for_the_meaning_of_black_if_unstated(capture: Path) -> N
     assert said(capture, options) == said(capture, replace(options, masks="object")) == []
 
 
-def test_inverted_masks_are_warned_of_and_those_of_an_object_are_not(tmp_path: Path) -> None:
+def test_inverted_masks_cause_a_warning_and_an_objects_masks_none(tmp_path: Path) -> None:
     folder = write_capture(tmp_path / "capture", every=6)
     masks = SceneOptions(mask_folder=str(folder / "masks"))
     assert said(folder, masks) == []

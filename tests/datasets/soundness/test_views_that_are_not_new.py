@@ -221,7 +221,7 @@ Change = Callable[[Path], object]
         (lambda f: (f / "transforms_train.json").write_text("{}"), "Correct the file"),
     ],
 )
-def test_check_says_what_to_do_next(tmp_path: Path, change: Change, remedy: str) -> None:
+def test_check_prints_the_next_step(tmp_path: Path, change: Change, remedy: str) -> None:
     folder = Path(shutil.copytree(TINY / "corner", tmp_path / "corner"))
     change(folder)
     errors = [each.what for each in check_scene(str(folder)).findings if each.severity == "error"]

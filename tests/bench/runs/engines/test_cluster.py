@@ -82,7 +82,7 @@ def test_options_that_do_not_go_together_are_refused(asked: tuple[str | None, in
 
 
 @pytest.mark.slow
-def test_without_ray_the_command_says_what_to_install(
+def test_without_ray_the_command_names_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Before kernels are compiled, and before anything is trained."""

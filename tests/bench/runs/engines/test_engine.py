@@ -220,7 +220,7 @@ def test_checkpoints_are_rarer_where_they_are_slow(sweep: FakeSweep, monkeypatch
     assert sum("checkpoint" in name for name in written) == 2
 
 
-def test_claimed_says_who_holds_it(sweep: FakeSweep) -> None:
+def test_claimed_names_the_holder(sweep: FakeSweep) -> None:
     with sweep.store.claim("x"), pytest.raises(Claimed) as caught, sweep.store.claim("x"):
         pass
     assert f"process {os.getpid()}" in str(caught.value)
