@@ -121,7 +121,7 @@ class Model:
 
     @property
     def light(self) -> EnvironmentMap | None:
-        """The recovered light, linear radiance (latitude-longitude, Z up, centre column +X); None if there is none."""
+        """The recovered light, linear radiance (latitude-longitude, Z up, centre column +X); None without one."""
         return self.trained.light
 
     def __repr__(self) -> str:
@@ -155,10 +155,10 @@ class Model:
     def placed(
         self, light: EnvironmentMap, up: Float[Tensor, "3"] | None = None, turn: float = 0.0, strength: float = 1.0
     ) -> EnvironmentMap:
-        """A light with Z up, as it stands in the world of this model's scene, times ``strength``.
+        """Turn a light with Z up into the world of this model's scene, and multiply it by ``strength``.
 
-        ``up``: upward direction of that world (default: that of the scene's cameras; Z where it has lights of its own).
-        ``turn``: degrees about up, counter-clockwise seen from above.
+        ``up``: upward direction of that world (default: the cameras' upward direction, or Z if the scene has lights of
+        its own). ``turn``: degrees about up, counter-clockwise seen from above.
         """
         return placed_light(light, upwards(self.run.scene) if up is None else up, turn, strength)[0]
 
@@ -181,9 +181,9 @@ class Model:
         return self.prepared(light, albedo_scale).render(view)
 
     def score(self, protocol: str = "default") -> pd.DataFrame:
-        """Metrics of the scene's test views and relightings: a line a metric (``task/measure``).
+        """Metrics of the scene's test views and relightings: one line per metric (``task/measure``).
 
-        Columns: ``value``, the mean; ``reason``, why there is none; and the value of each view under its name.
+        Columns: ``value``, the mean; ``reason``, why it is missing; and the value of each view under its name.
         """
         scene, rules = self.run.scene, protocol_of(protocol)
         result = evaluate(self.trained, scene, rules, self.run.device, lambda done, total: None, SCORES_ALONE)
@@ -217,9 +217,9 @@ def method(name: str) -> Method:
 def read_light(path: str | Path) -> EnvironmentMap:
     """The light in an .exr or .hdr file: linear radiance, latitude-longitude, Z up, centre column towards +X.
 
-    Negative radiance becomes zero, and a cube map that says how its faces lie is converted, with a warning. Raises
-    UsageError for a file of another kind, DataError for a damaged one, for one of fewer than three channels, for one
-    without light, and for one in another shape (such as an angular map).
+    Negative radiance becomes zero, and a cube map whose header gives the layout of its faces is converted, with a
+    warning. Raises UsageError for a file of another kind, DataError for a damaged one, for one of fewer than three
+    channels, for one without light, and for one in another shape (such as an angular map).
     """
     light, repairs = read_light_file(Path(path))
     for repair in repairs:
@@ -231,7 +231,7 @@ class TrainingOptions(TypedDict, total=False):
     """Further options of ``train``, by keyword."""
 
     budget: Mapping[str, Any]
-    """Numbers that replace those of the preset, as plain values, by dotted names or in nested tables."""
+    """Values that replace numbers of the preset: plain values by dotted names or in nested tables."""
     recipe: str
     """Name of the method's recipe that ``variant`` changes (default: its defaults)."""
     scene_options: SceneOptions
@@ -310,9 +310,9 @@ def _trained(
 def open_model(folder: str | Path, device: str = "cpu", trust: str | Path = "", **changes: Any) -> Model:
     """The model that ``train`` left in a folder.
 
-    ``trust`` is the TOML file of the method that trained it, if its commands may run. ``changes`` are fields of the
-    variant that showing alone reads, such as RadioGS's ``relighting="surfels"``. Raises DataError where there is none
-    or its scene has changed, UsageError where the folder names a method's file that is not trusted.
+    ``trust``: the method's TOML file, if its commands may run. ``changes`` are fields of the variant that showing alone
+    reads, such as RadioGS's ``relighting="surfels"``. Raises DataError if it is missing or its scene has changed,
+    UsageError if the folder names an untrusted method's file.
     """
     with trusting([str(trust)]):
         run, model = read_trained(Path(folder), device_named(device), changes)
@@ -320,12 +320,12 @@ def open_model(folder: str | Path, device: str = "cpu", trust: str | Path = "", 
 
 
 def open_store(folder: str | Path, settings: bool = False, by_view: bool = False) -> pd.DataFrame:
-    """Every metric of every finished cell of a folder of results: a line a cell and metric.
+    """Every metric of every finished cell in a folder of results: one line per cell and metric.
 
-    Columns: ``row`` (of the folder's last run; None for a cell of another one), scene, method, settings (every field of
-    the variant, as JSON), budget, seed, device, protocol, surfels, seconds by stage, counters of work and guards, key,
-    metric, value, reason. ``settings``: each field of the variant has a column of its own. ``by_view``: a line for each
-    test view instead of the mean, with the column ``view``. Raises DataError where nothing was run.
+    Columns: ``row`` (None for a cell that is not part of the folder's last run), scene, method, settings (every field
+    of the variant, as JSON), budget, seed, device, protocol, surfels, seconds by stage, counters of work and guards,
+    key, metric, value, reason. ``settings``: each field of the variant has a column of its own. ``by_view``: a line for
+    each test view instead of the mean, with the column ``view``. Raises DataError if the folder holds no run.
     """
     read_sweep(Path(folder))
     lines = list(rows(Store(Path(folder)), by_view))
@@ -352,7 +352,7 @@ def _view(scene: Scene, view: View | str) -> View:
 
 
 def _light(scene: Scene, light: EnvironmentMap | str) -> EnvironmentMap:
-    """The light, or the scene's of that name. Raises DataError for a map that is no latitude-longitude map."""
+    """The light itself, or the scene's light of that name. Raises DataError unless the map is latitude-longitude."""
     if not isinstance(light, str):
         latitude_longitude("the light", light.radiance)
         return light

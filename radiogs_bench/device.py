@@ -11,7 +11,7 @@ DEVICES = ("cpu", "cuda")
 
 
 def device_named(name: str, *, planned: bool = False) -> torch.device:
-    """The device of that name, such as ``cuda:1``. Raises UsageError for another kind, and where no GPU is found."""
+    """The device of that name, such as ``cuda:1``. Raises UsageError for another kind, and if no GPU is found."""
     if name.partition(":")[0] not in DEVICES:
         raise unknown("device", name, DEVICES)
     found = torch.device(name)
@@ -25,12 +25,12 @@ def device_named(name: str, *, planned: bool = False) -> torch.device:
 
 
 def use(name: str, threads: int | None, *, planned: bool = False) -> torch.device:
-    """The device of that name, with the number of CPU threads set: as many as are usable, unless given."""
+    """Set the number of CPU threads (default: all usable cores); returns the device of that name."""
     found = device_named(name, planned=planned)
     use_threads(threads or usable_cores())
     return found
 
 
 def usable_cores() -> int:
-    """Number of cores that this process may use; where the system does not tell, of all cores."""
+    """Number of cores that this process may use; all cores if the system does not tell."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

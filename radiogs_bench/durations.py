@@ -2,7 +2,7 @@
 
 
 def time_left(seconds: float) -> str:
-    """Such as ``41 s``, ``12 min`` or ``3 h 05 min``."""
+    """A remaining time, such as ``41 s``, ``12 min`` or ``3 h 05 min``."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
@@ -10,7 +10,7 @@ def time_left(seconds: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """In one unit with a decimal, such as ``2.5 h``."""
+    """A duration in one unit with a decimal, such as ``2.5 h``."""
     for unit, length in (("days", 86_400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * length:
             return f"{seconds / length:.1f} {unit}"

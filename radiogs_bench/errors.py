@@ -10,9 +10,9 @@ class CellFailed(ExplainedError):
 
 
 class MethodFailed(ExplainedError):
-    """A method raised what does not explain itself, or gave what its contract does not know.
+    """A method raised an unexplained exception, or returned a value that breaks its contract.
 
-    ``trace`` is the whole traceback, empty where nothing was raised.
+    ``trace`` is the whole traceback, empty if nothing was raised.
     """
 
     def __init__(self, what: str, why: str = "", remedy: str = "", trace: str = "") -> None:
@@ -25,19 +25,19 @@ class StoreError(ExplainedError):
 
 
 class Killed(ExplainedError):
-    """Processes that ran cells were killed, and cells are left that nobody runs."""
+    """Processes that ran cells were killed, and their cells are left unfinished."""
 
 
 class NotFetched(ExplainedError):
-    """Files of a data set could not be fetched; the message says what to fetch by hand, and where to put it."""
+    """Files of a data set could not be fetched; the message lists what to fetch by hand, and where to put it."""
 
 
 class Unforeseen(MethodFailed):
-    """A cell ended with an error that nobody foresaw; the others went on."""
+    """A cell ended with an unexpected error; the others went on."""
 
 
 class StoppedAtOnce(KeyboardInterrupt):
-    """The user asked twice to stop. A method's own KeyboardInterrupt is none."""
+    """The user asked twice to stop. A KeyboardInterrupt raised by a method's own code does not count."""
 
 
 class Interrupted(ExplainedError):
@@ -47,8 +47,8 @@ class Interrupted(ExplainedError):
 DONE = 0
 
 UNEXPECTED = 6
-"""Neither a cell that failed nor a regression: the folder cannot be read or written, a process was killed, or an error
-that nobody foresaw."""
+"""Exit code for everything but a failed cell or a regression: an unreadable or unwritable folder, a killed process, or
+an unforeseen error."""
 
 EXIT_CODES: tuple[tuple[type[ExplainedError], int], ...] = (
     (Interrupted, 130),  # 128 + SIGINT, as shells report it
@@ -61,7 +61,7 @@ EXIT_CODES: tuple[tuple[type[ExplainedError], int], ...] = (
     (UsageError, 2),
     (ExplainedError, 1),
 )
-"""The first class that an error is an instance of decides, so the order is also that of severity."""
+"""Exit codes by class of error, most severe first: the first class that an error is an instance of decides."""
 
 
 def exit_code(error: ExplainedError) -> int:
@@ -70,7 +70,7 @@ def exit_code(error: ExplainedError) -> int:
 
 
 def worst_exit_code(errors: Iterable[ExplainedError]) -> int:
-    """The exit code of a run with these errors: that of the most severe one; 0 without errors."""
+    """The exit code of a run with these errors: the most severe one's; 0 without errors."""
     severity = [code for _, code in EXIT_CODES]
     return min((exit_code(error) for error in errors), key=severity.index, default=DONE)
 
@@ -83,7 +83,7 @@ def explain(error: ExplainedError) -> str:
 
 
 def visible(text: str) -> str:
-    """The text with every character that commands a terminal or turns its direction written out; lines stay lines.
+    """The text with control and bidirectional characters escaped; line breaks stay.
 
     >>> visible("a\x1b[2J")
     'a\\x1b[2J'

@@ -7,10 +7,10 @@ from radiogs_core.errors import UsageError
 
 
 def extra_library(module: str, needed_for: str, extra: str, otherwise: str = "") -> Any:
-    """The module. Raises UsageError where it is not installed.
+    """Import an extra library. Raises UsageError if it is not installed.
 
-    ``needed_for``: what needs which library ("parquet needs pyarrow"). ``extra``: that of the package that installs it.
-    ``otherwise``: what else can be done, after the command.
+    ``needed_for``: what needs which library ("parquet needs pyarrow"). ``extra``: the extra of the package that
+    installs it. ``otherwise``: what else can be done, after the command.
     """
     try:
         return import_module(module)

@@ -11,16 +11,16 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene
 
 UPRIGHT = 0.7
-"""Cosine between Z and the cameras' mean upward direction above which Z is up where lights are stored by view."""
+"""Cosine between Z and the cameras' mean upward direction above which Z is up in scenes with a light for each view."""
 
 NEARLY = math.cos(math.radians(10))
-"""Cosine between Z and the upward direction of a capture above which Z is up."""
+"""Cosine between Z and a capture's estimated upward direction above which Z is up."""
 
 VAGUE = 0.5
-"""Length of the mean upward direction of cameras below which it does not tell what is up."""
+"""Length of the cameras' mean upward direction below which it is too vague to tell what is up."""
 
 WIDE = math.radians(60)
-"""Least angle between neighbouring cameras, in radians, for the side between them to count as not seen."""
+"""Smallest angle between neighbouring cameras, in radians, that counts as a side from which nothing was seen."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def initial_viewpoint(scene: Scene, eye: Camera) -> InitialViewpoint:
 def _arc(
     positions: Float[Tensor, "cameras 3"], eye: Float[Tensor, "3"], up: Float[Tensor, "3"], middle: Float[Tensor, "3"]
 ) -> Float[Tensor, "2"] | None:
-    """The smallest arc about ``up`` that holds all positions, relative to the eye; None where no gap is WIDE."""
+    """The smallest arc about ``up`` that holds all positions, relative to the eye; None if all gaps are below WIDE."""
     forth = eye - middle
     side = torch.linalg.cross(up, forth)
     level = (positions - middle) - ((positions - middle) @ up)[:, None] * up
@@ -75,10 +75,10 @@ def _arc(
 def upwards(scene: Scene) -> Float[Tensor, "3"]:
     """The unit upward direction of a scene's world.
 
-    Z where the scene has lights of its own, which are stored Z up. Else what the cameras tell: Z within UPRIGHT of
-    their mean upward direction where each view has a light in its camera's axes, and within NEARLY of it in captures,
-    whose worlds are turned anyhow. People hold cameras level, so up is the direction at right angles to all images'
-    rows; where the rows do not tell it, it is the mean.
+    It is Z if the scene has lights of its own, which are stored Z up. Else it is estimated from the cameras: Z within
+    UPRIGHT of their mean upward direction where each view has a light in its camera's axes, and within NEARLY of it in
+    captures, whose worlds have any orientation. People hold cameras level, so up is the direction at right angles to
+    all images' rows; if rows are too alike for that, it is the mean.
     """
     z = torch.tensor([0.0, 0.0, 1.0])
     if (scene.lights or scene.training_light is not None) and not scene.relight:
@@ -95,7 +95,7 @@ def upwards(scene: Scene) -> Float[Tensor, "3"]:
 
 
 def _across_rows(rows: Float[Tensor, "cameras 3"], mean: Float[Tensor, "3"]) -> Float[Tensor, "3"] | None:
-    """The direction at right angles to the rows of all images, on the side of ``mean``; None where it is not told."""
+    """The direction perpendicular to the rows of all images, on the side of ``mean``; None if rows are too alike."""
     spread, directions = torch.linalg.eigh(rows.T @ rows / len(rows))
     along = float(directions[:, 0] @ mean)
     told = float(spread[1]) > 0.01 and float(spread[0]) < 0.2 * float(spread[1]) and abs(along) > 0.1
@@ -103,7 +103,7 @@ def _across_rows(rows: Float[Tensor, "cameras 3"], mean: Float[Tensor, "3"]) -> 
 
 
 def _sideways(axes: Float[Tensor, "cameras 3 3"]) -> Float[Tensor, "3"] | None:
-    """Up of photos that were all taken upright and stored lying; they look down on average. None where rows differ."""
+    """Upward direction of portrait photos that are stored lying; they look down on average. None if rows differ."""
     rows = axes[..., 0].mean(0)
     if float(rows.norm()) < 0.5:
         return None

@@ -1,7 +1,7 @@
-"""Names of the methods that are installed, found by their entry points; those of this project are no exception.
+"""Names of installed methods, found by their entry points, this project's methods included.
 
 A package offers a method by an entry point of the group ``radiogs_bench.methods`` whose object is a
-``radiogs_core.contract.Method`` (docs/your_method.md). Nothing here imports PyTorch: to list names takes no time.
+``radiogs_core.contract.Method`` (docs/your_method.md). Listing names is fast, because nothing here imports PyTorch.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 GROUP = "radiogs_bench.methods"
 
 substitutes: dict[str, "Method"] = {}
-"""Methods given by a program that drives the harness from Python, by name; they come before installed ones."""
+"""Methods by name that a Python program gives to the harness; they take precedence over installed ones."""
 
 
 def method_names() -> tuple[str, ...]:

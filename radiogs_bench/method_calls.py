@@ -1,7 +1,7 @@
-"""Calling a method, whoever wrote it: what it raises becomes a failure that names it, and what it gives is looked at.
+"""Calls methods by unknown authors: their exceptions become failures that name the method, their results are checked.
 
-A mistake in a method is not one in the harness. It ends its cell and no other, and who wrote the method is told what
-was asked of it and what came of that. A method may write into whatever it is handed, so it gets copies.
+A method's mistake is not the harness's. It ends its own cell alone, and the message tells the method's author what was
+called and what happened. Methods get copies of their arguments, because they may write into them.
 """
 
 import math
@@ -33,16 +33,16 @@ CONTRACT = "What a method is: docs/your_method.md and radiogs_core.contract"
 
 LEAVES = (type(None), bool, int, float, complex, str, bytes, bytearray, torch.Size, torch.dtype, torch.device)
 BRANCHES = (list, tuple, set, dict, OrderedDict, Counter)
-"""Types beside tensors that PyTorch reads back from a file without running code from it."""
+"""Types besides tensors that PyTorch reads back from a file without running code from it."""
 
 
 @contextmanager
 def calling(method: str, what: str) -> Iterator[None]:
-    """A call into a method, such as ``step() of stage 'fit'``: what it raises becomes MethodFailed.
+    """Wraps a call into a method, such as ``step() of stage 'fit'``: exceptions become MethodFailed.
 
-    Errors that explain themselves pass, and so does the user's Ctrl-C. ``SystemExit`` and other exceptions that are no
-    ``Exception`` do not: a method that gives up ends its own cell. Changes of the process's state hold
-    for its own calls (``process_state``).
+    ExplainedError and the user's Ctrl-C pass through. ``SystemExit`` and other exceptions outside ``Exception`` become
+    failures, too: a method that gives up ends its own cell. Changes of the process's state hold for its own calls
+    (``process_state``).
     """
     with set_apart(method, what):
         try:
@@ -61,14 +61,14 @@ def calling(method: str, what: str) -> Iterator[None]:
 
 
 def stops_at_once(error: BaseException) -> bool:
-    """Whether an exception is the user's stop: that of a second Ctrl-C in a run, or of Python's own handler."""
+    """Whether an exception is the user's stop, by a second Ctrl-C in a run or by Python's default handler."""
     if isinstance(error, StoppedAtOnce):
         return True
     return isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def _words_of(error: BaseException) -> str:
-    """The text of an exception, whoever wrote it: to make it may raise as well."""
+    """The text of an exception; making it may raise as well."""
     try:
         return str(error)
     except Exception as wrong:  # noqa: BLE001  anything may come from a stranger's __str__
@@ -76,23 +76,23 @@ def _words_of(error: BaseException) -> str:
 
 
 def refused(method: str, what: str, why: str) -> MethodFailed:
-    """The failure of a method that gave something else than its contract says."""
+    """The failure of a method that returned something other than its contract states."""
     return MethodFailed(f"{method}: {what}", why, CONTRACT)
 
 
 def members(contract: type) -> tuple[str, ...]:
-    """Names of what a protocol of ``radiogs_core.contract`` asks for, in its order."""
+    """Names of the members of a protocol of ``radiogs_core.contract``, in its order."""
     named = [*getattr(contract, "__annotations__", {}), *vars(contract)]
     return tuple(name for name in dict.fromkeys(named) if not name.startswith("_"))
 
 
 def lacking(given: object, contract: type) -> list[str]:
-    """Names of what an object lacks of a protocol; properties are not asked for their values."""
+    """Names of a protocol's members that an object lacks; properties are not evaluated."""
     return [name for name in members(contract) if not hasattr(type(given), name) and not hasattr(given, name)]
 
 
 def require(method: str, given: object, contract: type, source: str) -> None:
-    """Raise MethodFailed for an object that lacks something of a protocol; ``source`` says what gave it."""
+    """Raise MethodFailed for an object that lacks members of a protocol; ``source`` names the object's origin."""
     missing = lacking(given, contract)
     if missing:
         raise refused(
@@ -129,7 +129,7 @@ def not_finite(losses: Mapping[str, float]) -> list[str]:
 
 
 def require_storable(method: str, content: Mapping[str, Any], source: str, stage: str) -> None:
-    """Raise MethodFailed for what could be written and not be read again, by its place in ``source``."""
+    """Raise MethodFailed for a value that could be written but not read again, naming its place in ``source``."""
     try:
         found = _unstorable(content, "")
     except RecursionError:
@@ -158,7 +158,7 @@ def _unstorable(value: Any, where: str) -> tuple[str, str] | None:
 
 
 def own_scene(scene: Scene) -> Scene:
-    """The scene with cameras, lights and points of its own; each map that it reads is a new tensor."""
+    """A copy of the scene with its own cameras, lights and points; each map is read as a new tensor."""
     views = {id(view): _own_view(view) for view in (*scene.train, *scene.test, *scene.relight)}
     train, test, relight = (
         tuple(views[id(view)] for view in group) for group in (scene.train, scene.test, scene.relight)
@@ -176,12 +176,12 @@ def own_scene(scene: Scene) -> Scene:
 
 
 def own_camera(camera: Camera) -> Camera:
-    """A camera with a matrix of its own."""
+    """A copy of a camera with its own matrix."""
     return replace(camera, camera_to_world=camera.camera_to_world.clone())
 
 
 def own_light(light: EnvironmentMap) -> EnvironmentMap:
-    """A light with radiance of its own."""
+    """A copy of a light with its own radiance."""
     return EnvironmentMap(light.radiance.clone())
 
 
@@ -191,6 +191,6 @@ def _own_view(view: View) -> View:
 
 
 def _own_map(read: Callable[[], Tensor]) -> Tensor:
-    """A map as a new tensor. Files are found from the harness's folder, wherever the method has gone."""
+    """A map as a new tensor. Paths resolve from the harness's folder, whatever folder the method has entered."""
     with as_before():
         return read().clone()

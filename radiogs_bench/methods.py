@@ -28,11 +28,11 @@ DEFAULT = "radiogs"
 """The method that suites and commands mean when they name none."""
 
 OURS = "radiogs-bench"
-"""The distribution whose methods leave the process's state alone."""
+"""Name of the distribution whose methods do not change the process's state."""
 
 
 def method(name: str) -> Method:
-    """A method by its name, or from a trusted TOML file of commands. Raises UsageError for one that cannot be used."""
+    """A method by its name, or from a trusted TOML file of commands. Raises UsageError for an unusable one."""
     if name in substitutes:
         return substitutes[name]
     if name.endswith(SUFFIX):
@@ -46,7 +46,7 @@ def method(name: str) -> Method:
 
 
 def variant_of(of: Method, given: Mapping[str, Any]) -> Any:
-    """A variant of a method: its full form with the given fields changed. Raises UsageError for what it does not have.
+    """A variant of a method: its full form with the given fields changed. Raises UsageError for an unknown field.
 
     Values are plain, as a suite's file or a stored result has them: lists for tuples. Fields of nested settings are
     given by dotted names or by tables.
@@ -55,9 +55,9 @@ def variant_of(of: Method, given: Mapping[str, Any]) -> Any:
 
 
 def variant_by_recipe(of: Method, recipe: str, layout: str, scene: str, given: Mapping[str, Any]) -> Any:
-    """A variant of a method by one of its recipes, with the given fields changed; without a recipe, its full form.
+    """A method's variant by one of its recipes (without a recipe: its full form), with the given fields changed.
 
-    ``layout`` and ``scene``: of the scene that it is for, because recipes may differ between scenes. Raises UsageError
+    ``layout`` and ``scene``: layout and name of the scene, because recipes may differ between scenes. Raises UsageError
     for a recipe that the method does not offer, and as ``variant_of`` does.
     """
     if not recipe:
@@ -101,8 +101,8 @@ def nearest_recipe(
 ) -> tuple[str, dict[str, Any]]:
     """The recipe, with the given fields changed, from which a stored variant differs in the fewest fields.
 
-    ``variant``: plain values. Returns the recipe's name, empty for a method without recipes, whose full form stands for
-    one, and the fields that differ, by dotted names, with the variant's values.
+    ``variant``: plain values. Returns the recipe's name and the fields that differ, by dotted names, with the variant's
+    values. The name is empty for a method without recipes, which is compared with its full form.
     """
     values = flat(variant)
 
@@ -125,11 +125,11 @@ class ShortensRecipes(Protocol):
     """A method whose published recipes change with the length of training."""
 
     def recipe_at(self, name: str, variant: Any, budget: Any) -> str:
-        """The name under which tables print a recipe: with a mark and its factors where training is shortened."""
+        """The name under which tables print a recipe: if training is shortened, with a mark and the factors."""
 
 
 def recipe_in_tables(of: Method, recipe: str, given: Mapping[str, Any], budget: Any) -> str:
-    """The name under which tables print a method's recipe with the given fields changed, for a budget."""
+    """The name under which tables print a method's recipe with the given fields changed, under a budget."""
     if not (recipe and isinstance(of, ShortensRecipes)):
         return recipe
     with calling(of.name, "recipe_at()"):
@@ -158,11 +158,11 @@ def with_given(of: Method, variant: Any, parts: Sequence[str]) -> Any:
 
 
 def budget_of(of: Method, preset: str, given: Mapping[str, Any] | None = None) -> Any:
-    """A method's budget by the name of its preset, with ``given`` numbers in place of some of the preset's.
+    """A method's budget by the name of its preset, with ``given`` numbers in place of the preset's.
 
-    The name of a budget whose numbers are not the preset's says so: ``tiny, inverse_iterations = 300``. ``given`` has
-    plain values by dotted names or in nested tables. Raises UsageError for an unknown preset or field, and for a number
-    that is no amount of work: a whole number has to be 1 or above, and up to 2^31 - 1; any other is not negative.
+    The budget's name then lists the changed numbers: ``tiny, inverse_iterations = 300``. ``given`` has plain values by
+    dotted names or in nested tables. Raises UsageError for an unknown preset or field, and for an invalid amount of
+    work: whole numbers range from 1 to 2^31 - 1, others are not negative.
     """
     if preset not in of.presets:
         raise unknown("preset", preset, of.presets, of=of.name)
@@ -185,12 +185,12 @@ def budget_of(of: Method, preset: str, given: Mapping[str, Any] | None = None) -
 
 
 def mark(name: str, value: Any) -> str:
-    """A field and the value that it was set to, as labels say it: ``inverse_iterations = 300``."""
+    """A field with its new value, as labels print it: ``inverse_iterations = 300``."""
     return f"{name} = {value if isinstance(value, str) and value.isprintable() else json.dumps(value)}"
 
 
 def marks_of(settings: Mapping[str, Any]) -> str:
-    """Fields and the values that they were set to, in the order of their names; empty for none."""
+    """Fields with their new values, ordered by name; empty if none was set."""
     return ", ".join(sorted(mark(name, value) for name, value in settings.items()))
 
 
@@ -203,7 +203,7 @@ class Settings:
 
 
 def settings_of(of: Method, preset: str, given: Mapping[str, Any]) -> Settings:
-    """The ``given`` values whose names are fields of a method, those of its variant and those of its budget.
+    """The ``given`` values for fields of a method's variant, and for fields of its budget.
 
     ``variant.NAME`` and ``budget.NAME`` are full names. Other names are left out. Raises UsageError for a name that is
     a field of both.
@@ -243,7 +243,7 @@ def _names_by_owner(of: Method, preset: str) -> dict[str, list[str]]:
 
 
 def settings_for(of: Method, preset: str, given: Mapping[str, Any]) -> Settings:
-    """The ``given`` values, all of which have to be fields of the method. Raises UsageError for one that is none."""
+    """Values for the method's variant and budget. Raises UsageError for a ``given`` name that is not a field of it."""
     for name in given:
         found = settings_of(of, preset, {name: given[name]})
         if not (found.variant or found.budget):
@@ -252,10 +252,10 @@ def settings_for(of: Method, preset: str, given: Mapping[str, Any]) -> Settings:
 
 
 def settings_as_toml(of: Method, run: Run) -> tuple[str, int]:
-    """Every field of a run's variant and budget as TOML, and how many of the variant differ from the published recipe.
+    """A run's variant and budget as TOML, and the number of the variant's fields that differ from the published recipe.
 
-    Beside each of these stands the published value. ``settings_for`` takes the tables, flat. None is left out, which
-    TOML cannot hold.
+    A comment beside each differing field has the published value. ``settings_for`` takes the tables, flat. Fields with
+    the value None are left out, because TOML cannot hold it.
     """
     recipe = of.published_recipe if isinstance(of, OffersRecipes) else ""
     published = flat(to_plain(variant_by_recipe(of, recipe, run.scene.layout, run.scene.name, {})))
@@ -270,9 +270,9 @@ def settings_as_toml(of: Method, run: Run) -> tuple[str, int]:
 
 
 class FoundMethods:
-    """Finds methods as ``method`` does, each once; pickled, it begins anew, since a method may not travel.
+    """Finds methods as ``method`` does, and keeps them; pickles without them, because a method may not be picklable.
 
-    ``trusted``: methods' files that the run's command line names (default: those of this process).
+    ``trusted``: methods' files that the run's command line names (default: the files that this process trusts).
     """
 
     def __init__(self, trusted: Sequence[str] | None = None) -> None:
@@ -336,11 +336,11 @@ def _loaded(point: EntryPoint) -> Method:
 
 
 SMOKE = "smoke"
-"""The preset that every method has to have: kernels are compiled with it."""
+"""The preset that every method must offer: kernels are compiled with it."""
 
 
 def _wrong(loaded: Any, name: str) -> str:
-    """Why an object cannot be the method of an entry point; empty if it can."""
+    """Why an object is not a valid method of an entry point; empty if it is valid."""
     if isinstance(loaded, type):
         return f"it is the class {loaded.__name__} and has to be an instance of it"
     missing = lacking(loaded, Method)

@@ -1,7 +1,7 @@
-"""State of the whole process that code may change and other code then runs under: set apart for each method.
+"""Isolates global state of the process (working folder, seeds, default types) between methods.
 
-A method that changes the working folder, PyTorch's default type or the seeds keeps its own for its own calls. Whatever
-is called after it, the harness or another row's method, finds them as they were.
+A method that changes the working folder, PyTorch's default type or the seeds keeps its changes for its own calls. The
+harness and other rows' methods find the previous values.
 """
 
 import locale
@@ -26,13 +26,13 @@ logger = logging.getLogger(__name__)
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 SEED = 0
-"""Seeds the generators of the process in every row, for a method that draws from them without a seed of its own."""
+"""Seed of the process's random generators at the beginning of every row, for methods that do not seed them."""
 
 DENORMAL = np.float32(1e-40)
 
 
 class Part(NamedTuple):
-    """One part of the state: how its present value is read, which can be compared, and how it is set."""
+    """A part of the process's state: ``read`` returns its present value, comparable, and ``write`` sets it."""
 
     read: Callable[[], Any]
     write: Callable[[Any], object]
@@ -142,7 +142,7 @@ PARTS: Mapping[str, Part] = {
 """The parts by their names in messages."""
 
 UNSAID = ("Python's random numbers",)
-"""Parts whose changes are not told: libraries of all kinds draw from them."""
+"""Parts whose changes are not reported: libraries of all kinds draw from these generators."""
 
 State = dict[str, Any]
 """Values of some parts by their names."""
@@ -153,7 +153,7 @@ def _read() -> State:
 
 
 def _move(now: State, wanted: State) -> None:
-    """Set the parts in which ``wanted`` differs from ``now``. Raises StoreError where that cannot be done."""
+    """Set the parts in which ``wanted`` differs from ``now``. Raises StoreError if a part cannot be set."""
     for name, value in wanted.items():
         try:
             if now[name] != value:
@@ -167,8 +167,8 @@ def _move(now: State, wanted: State) -> None:
 
 
 ours: set[str] = set()
-"""Names of methods that come with the harness. Their calls are not set apart, which would take 0.3 ms of each: they
-take seeds and settings from their arguments."""
+"""Names of methods that come with the harness. Their calls are not isolated, which would cost 0.3 ms each: they take
+seeds and settings as arguments."""
 
 _loaded: dict[str, State] = {}
 """Parts of the state that importing a method's package has changed, by method; they hold in each of its rows."""
@@ -183,12 +183,12 @@ _before: list[State] = []
 
 
 def begin_row() -> None:
-    """Forget what methods have changed in rows before: every row begins with what the import of its package left."""
+    """Forget changes by methods in earlier rows: each row begins with the state after the package's import."""
     _own.clear()
 
 
 def _new_row(method: str) -> State:
-    """The parts of the state in which a row begins otherwise than the harness stands: imports, and seeds."""
+    """The parts of the state that differ from the harness's when a row begins: by imports, and seeds."""
     return {
         "PyTorch's random numbers": (torch.Generator().manual_seed(SEED).get_state().numpy().tobytes(),),
         "NumPy's random numbers": _numpy_numbers(np.random.RandomState(SEED)),
@@ -201,8 +201,8 @@ def _new_row(method: str) -> State:
 def set_apart(method: str, what: str, loading: bool = False) -> Iterator[None]:
     """Run a call into a method under its own state, and restore the harness's afterwards.
 
-    A part that the method changed is said once, by name; ``what`` is the call in that message, such as ``step()``.
-    ``loading``: the call imports the method's package, and what it changes holds in all rows of the method.
+    A changed part is logged once, by name; ``what`` is the call in that message, such as ``step()``. ``loading``: the
+    call imports the method's package, and what it changes holds in all rows of the method.
     """
     if method in ours:
         yield
@@ -235,7 +235,7 @@ def set_apart(method: str, what: str, loading: bool = False) -> Iterator[None]:
 
 @contextmanager
 def as_before() -> Iterator[None]:
-    """Run what a method calls back under the state that it was called from; without an open call, nothing changes."""
+    """Run what a method calls back under the state before the call; unchanged without an open call."""
     if not _before:
         yield
         return

@@ -1,5 +1,5 @@
-"""Digests of the code and data files that decide a result, found by following imports, so that no list has to be kept;
-and the commit of this package.
+"""Digests of the code and data files that decide a result, found by following imports instead of a list; and the commit
+of this package.
 
 Every import in a module's text is followed, also inside functions, within the packages of this project and the
 module's own (another package's method). Modules whose name is computed at run time are not seen.
@@ -24,14 +24,14 @@ from pathlib import Path
 from typing import NotRequired, TypedDict
 
 OURS = ("radiogs_core", "radiogs", "radiogs_datasets", "radiogs_baselines", "radiogs_reports", "radiogs_bench")
-"""Packages that imports are followed into, besides that of the requested module."""
+"""Packages that imports are followed into, besides the requested module's own package."""
 
 
 @dataclass(frozen=True)
 class SourceTree:
     """The Python files of some top-level packages.
 
-    ``roots`` says where each package (its folder) or module (its file) lies.
+    ``roots``: the folder of each package, or the file of each module.
     """
 
     roots: Mapping[str, Path]
@@ -43,7 +43,7 @@ class SourceTree:
     """Digests of the modules that were read so far."""
 
     def file(self, module: str) -> Path | None:
-        """The file of a module or package; None for what is no module of these packages."""
+        """The file of a module or package; None for any other name."""
         top, *rest = module.split(".")
         root = self.roots.get(top)
         if root is None:
@@ -59,7 +59,7 @@ class SourceTree:
     def closure(self, *modules: str) -> dict[str, Path]:
         """The modules, everything that they import within the tree, and the packages around all these, by name.
 
-        A package that is asked for counts with all its modules. Raises ModuleNotFoundError for what is not there.
+        A package that is asked for counts with all its modules. Raises ModuleNotFoundError for an unknown module.
         """
         waiting = []
         for module in modules:
@@ -124,7 +124,7 @@ class SourceTree:
         return digest.digest()
 
     def _module_of(self, source: str, name: str) -> str | None:
-        """The module that a name is taken from: itself, if it is one."""
+        """The module that a name is imported from: the name itself if it is a module."""
         inner = f"{source}.{name}" if name else source
         return inner if self.file(inner) is not None else source if self.file(source) is not None else None
 
@@ -138,7 +138,7 @@ class SourceTree:
 
 @dataclass(frozen=True)
 class Text:
-    """The part of a module's text that decides a digest; its syntax tree, which is large, is not kept."""
+    """The parts of a module's text that decide a digest; the syntax tree, which is large, is not kept."""
 
     imported: frozenset[tuple[str, str]]
     """Modules that it imports, and the names imported from them."""
@@ -169,11 +169,11 @@ def _read(module: str, path: Path) -> Text:
 
 
 LAYOUT = frozenset({"ctx", "kind", "type_comment", "type_ignores"})
-"""Fields of syntax nodes that follow from others or decide nothing."""
+"""Fields of syntax nodes that follow from other fields or affect nothing."""
 
 
 def _state(node: ast.AST, said: list[str]) -> None:
-    """Append a syntax tree as text without positions, docstrings and other strings that stand alone.
+    """Append a syntax tree as text without positions, docstrings and other expression statements of strings.
 
     ``ast.dump`` differs between versions of Python: empty fields, which newer ones add, are left out here.
     """
@@ -202,10 +202,9 @@ NAMING = (ast.Constant, ast.JoinedStr, ast.BinOp, ast.Call)
 
 
 def _pattern(node: ast.AST) -> str:
-    """The path that literals name, alone or joined, with ``*`` for what is computed; empty for anything else.
+    """The path that literals name, alone or joined, with ``*`` for computed parts; empty for any other node.
 
-    A pattern of ``glob`` counts where its folder is the module's own (``__file__``, ``__package__``): another folder's
-    files are not those that lie here.
+    A pattern of ``glob`` counts only in the module's own folder (``__file__``, ``__package__``).
     """
     if isinstance(node, ast.Constant):
         return "" if not isinstance(node.value, str) or "*" in node.value else _literal(node.value)
@@ -230,12 +229,12 @@ OWN = ("__file__", "__package__", "__name__")
 
 
 def _literal(text: str) -> str:
-    """A literal as a pattern, in which stars alone match others; empty for one that is no file's name."""
+    """A literal as a pattern in which only stars match other characters; empty if it cannot be a file name."""
     return re.sub(r"([?\[])", r"[\1]", text) if len(text) <= LONGEST_NAME and "\n" not in text else ""
 
 
 LONGEST_NAME = 200
-"""Characters."""
+"""Characters of the longest literal that can be a file name."""
 
 
 def _matching(folder: Path, pattern: str) -> Iterator[Path]:
@@ -281,7 +280,7 @@ class GitState(TypedDict):
 def git_state(folder: Path = Path(__file__).parent) -> GitState | None:
     """Commit and dirtiness of the repository that tracks this package, else the commit that pip installed it from.
 
-    None where neither knows one, as for a wheel, and where there is no git.
+    None if neither knows one, as for a wheel, or git is missing.
     """
 
     def git(*arguments: str) -> str | None:

@@ -1,6 +1,6 @@
-"""The files of methods whose commands may run: those that this command line, or this call from Python, names.
+"""The methods' files whose commands may run: files named by this command line or this call from Python.
 
-A file that only a folder of results or a suite names is a stranger's. Nothing here is stored or inherited.
+A file named only by a folder of results or a suite is not trusted. Trust is neither stored nor inherited.
 """
 
 import shlex
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from radiogs_baselines.commands.method import CommandMethod
 
 SUFFIX = ".toml"
-"""The end of a name that is the path of a method's file."""
+"""Ending of a name that is the path of a method's file."""
 
 _trusted: dict[Path, "CommandMethod"] = {}
 
 
 @contextmanager
 def trusting(names: Iterable[str]) -> Iterator[Mapping[Path, "CommandMethod"]]:
-    """Trust these methods' files as they are now; yields what each new one says, by its path. Other names are left out.
+    """Trust these methods' files as they are now; yields the newly trusted methods by path. Other names are left out.
 
     A file that changes afterwards is not read again. Raises DataError for a file that cannot be read, UsageError for a
     wrong one.
@@ -38,7 +38,7 @@ def trusting(names: Iterable[str]) -> Iterator[Mapping[Path, "CommandMethod"]]:
 
 
 def read_file(path: Path) -> "CommandMethod":
-    """The method of a file, whoever named it. Raises DataError or UsageError for a file that cannot be used."""
+    """The method of a file, trusted or not. Raises DataError or UsageError for an unusable file."""
     from radiogs_baselines.commands.method import read_method
 
     return read_method(path)
@@ -50,7 +50,7 @@ def trusted_files() -> tuple[str, ...]:
 
 
 def method_of_file(name: str) -> "CommandMethod":
-    """The method of a trusted file, as it was when it was named. Raises UsageError for any other file, unread."""
+    """The method of a trusted file, as it was when trusted. Raises UsageError for any other file, unread."""
     try:
         return _trusted[Path(name).resolve()]
     except (KeyError, OSError, ValueError):  # ValueError: a path with a null character

@@ -42,14 +42,14 @@ Shown = Literal["value", "difference", "low", "high", "verdict", "paper"]
 
 @dataclass(frozen=True)
 class Audience:
-    """Receives what a run has to tell while it goes on."""
+    """Receives the messages and progress of a run."""
 
     say: Callable[[str], None]
     """Receives remarks and verdicts."""
     complain: Callable[[str], None]
     """Receives warnings, and the failures of cells."""
     progress: Callable[[Store, Cells], Progress] = lambda store, cells: progress_for_stderr()
-    """Makes what shows the steps and the messages of the engine."""
+    """Makes the display of steps and of the engine's messages."""
     table: bool = False
     """Whether the first table of several scenes is shown as soon as it is complete."""
 
@@ -97,7 +97,7 @@ def carry_out(
 ) -> tuple[int, Sweep]:
     """Run the missing cells of a plan; returns the exit code and the manifest.
 
-    ``command``: the arguments of the command line, if the run came from there.
+    ``command``: the arguments of the command line, if the run came from the shell.
     """
     store.remove_leavings()
     with progress_for_stderr() as progress:
@@ -149,7 +149,7 @@ def checksums_of(plan: RunPlan) -> dict[str, str]:
 
 
 def other_run(store: Store, manifest: Sweep) -> str:
-    """A remark if another run was started in the folder meanwhile: `report` rebuilds the other run's reports."""
+    """A remark if another run was started in the folder meanwhile: `report` would rebuild the other run's reports."""
     try:
         last = read_sweep(store.folder)
     except DataError as error:
@@ -163,11 +163,11 @@ def other_run(store: Store, manifest: Sweep) -> str:
 
 
 def table(folder: str | Path, what: Shown = "value") -> pd.DataFrame:
-    """The table of the run in a folder, as ``run`` and ``report`` print it: a line a row, a column a metric.
+    """The table of the run in a folder, as ``run`` and ``report`` print it: a line per row, a column per metric.
 
     ``what``: ``value`` (means; ``attrs["caption"]`` of the frame says over what), ``difference`` to the reference row,
     ``low`` and ``high`` of its 95 % interval, ``verdict`` (better, worse, or none), or ``paper`` (the published value).
-    Raises DataError where no run has a table there yet.
+    Raises DataError if the folder has no table yet.
     """
     try:
         made = suite_table(read_summary(Path(folder)))
@@ -182,7 +182,7 @@ def table(folder: str | Path, what: Shown = "value") -> pd.DataFrame:
 
 
 def gate(folder: str | Path, baseline: str | Path, slow_fails: bool = False) -> pd.DataFrame:
-    """Differences between the run in a folder and a baseline, a line each: ``severity``, ``cell``, ``what``.
+    """Differences between the run in a folder and a baseline, one line each: ``severity``, ``cell``, ``what``.
 
     Severities are those of docs/reliability.md; the run is worse where one is ``regression``. Raises DataError for results or
     a baseline that cannot be compared.

@@ -1,4 +1,4 @@
-"""A page opened in headless Chromium, which must say nothing and ask for nothing."""
+"""A page opened in headless Chromium, which must log no message and make no request."""
 
 import shutil
 from collections.abc import Iterator
@@ -27,7 +27,7 @@ def browser() -> Iterator["playwright.Browser"]:
 
 
 class Watched:
-    """An opened page, what it asked for, and what it said beyond the ``expected`` message."""
+    """An opened page, its requests, and its messages beyond the ``expected`` one."""
 
     def __init__(
         self, browser: "playwright.Browser", path: Path, *, expected: str = OF_SCREENSHOTS, **settings: object

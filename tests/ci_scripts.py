@@ -1,4 +1,4 @@
-"""The scripts in ``.ci`` as modules, for the tests of them."""
+"""The scripts in ``.ci`` as modules, for their tests."""
 
 import importlib.util
 import sys

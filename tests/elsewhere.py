@@ -1,4 +1,4 @@
-"""A device that only pretends: its tensors lie in host memory, but meet those of the host nowhere.
+"""A fake device: its tensors lie in host memory, but cannot be combined with host tensors.
 
 A second backend is registered with PyTorch (PrivateUse1, named "elsewhere"), so that tensors, autograd, generators and
 optimisers take it for a real one. Whatever would fail on a GPU fails here: an operation on tensors of both, a generator
@@ -106,7 +106,7 @@ GENERATOR = torch.Generator
 
 
 class _Generator(GENERATOR):
-    """A generator that says which device it was made for; operations are given it without its class."""
+    """A generator that records the device it was made for; operations receive it without its class."""
 
     known: ClassVar[dict[int, "_Generator"]] = {}
 
@@ -122,7 +122,7 @@ class _Generator(GENERATOR):
 
 
 class _Operations(TorchDispatchMode):
-    """Runs every operation in host memory, and refuses those that a GPU would refuse."""
+    """Runs every operation in host memory, and refuses operations that a GPU would refuse."""
 
     def __init__(self, account: Account) -> None:
         super().__init__()

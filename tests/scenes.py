@@ -39,7 +39,7 @@ def sun_and_sky(height: int) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def surfels_facing(centre: torch.Tensor, normal: torch.Tensor) -> Surfels:
-    """Grey opaque surfels, 0.1 wide, at ``centre`` with those unit normals. Not for a normal of -Z."""
+    """Grey opaque surfels, 0.1 wide, at ``centre`` with these unit normals. Not for a normal of -Z."""
     count = len(centre)
     surfels = surfels_at(centre, torch.full((count,), 0.1), centre + normal, torch.Generator().manual_seed(0))
     # The shortest rotation from +Z to n is the quaternion (1 + n_z, -n_y, n_x, 0).

@@ -1,8 +1,8 @@
-"""Reading files that others wrote: regular files only, and no larger, deeper or longer than such a file ever is.
+"""Reading untrusted files: regular files only, with limits on size, depth and length.
 
-A named pipe would be waited for without end, a device never ends, and a header of a few bytes can claim terabytes. So
-the kind and the size of a file are looked at before its bytes are read, and what the bytes claim before memory is
-taken. Limits can be raised by environment variables (``LIMITS``); every refusal names its own.
+A named pipe would block for ever, a device never ends, and a header of a few bytes can claim terabytes. So a file's
+kind and size are checked before its bytes are read, and sizes in headers before memory is allocated. Limits can be
+raised by environment variables (``LIMITS``); every refusal names its limit.
 """
 
 import io
@@ -38,7 +38,7 @@ LONG_KEY = re.compile(
 )
 
 DEEPEST_JSON = 64
-"""Objects and lists within one another; transforms files have four."""
+"""Most levels of nested objects and lists; transforms files have four."""
 
 JSON_TEXT = re.compile(r'"(?:[^"\\]|\\.)*"')
 """A text in JSON, with its quotation marks."""
@@ -51,7 +51,7 @@ LONGEST_NAME = 200
 
 
 def limit(variable: str) -> int:
-    """The limit of that name: the environment's, else the default. Raises UsageError for what is no whole number."""
+    """The limit of that name: the environment's, else the default. Raises UsageError unless it is a whole number."""
     text = os.environ.get(variable)
     if text is None:
         return LIMITS[variable]
@@ -61,9 +61,9 @@ def limit(variable: str) -> int:
 
 
 def read_bytes(path: Path, bound: str = FILE_LIMIT) -> bytes:
-    """The whole of a regular file. Raises DataError if it is none, is larger than the limit, or cannot be read.
+    """The content of a regular file. Raises DataError if it is not regular, too large, or cannot be read.
 
-    Also where it belongs to a scene that is being read, and has changed since (``same_bytes``).
+    Also raises DataError if the file of a scene being read has changed since (``same_bytes``).
     """
     try:
         # Without O_NONBLOCK, opening a named pipe would wait for somebody to write into it.
@@ -106,14 +106,14 @@ def _require_regular(path: Path, found: os.stat_result, bound: str) -> None:
 
 
 def printable(path: Path | str) -> str:
-    """A path as it can be shown anywhere: what is not UTF-8 is escaped, and a very long one is cut in its middle."""
+    """A path as printable text: bytes that are not UTF-8 are escaped, and a very long path is cut in its middle."""
     text = os.fspath(path).encode("utf-8", "backslashreplace").decode()
     text = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
     return text if len(text) <= 2 * LONGEST_NAME else f"{text[:LONGEST_NAME]}...{text[-LONGEST_NAME:]}"
 
 
 def require_storable(name: str, what: str) -> None:
-    """Raise DataError for a name that figures and renders could not be stored under."""
+    """Raise DataError for a name that cannot be part of the file names of figures and renders."""
     encoded = name.encode("utf-8", "backslashreplace")
     if len(encoded) > LONGEST_NAME or encoded.decode() != name or not name.isprintable():
         raise DataError(
@@ -124,10 +124,10 @@ def require_storable(name: str, what: str) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """The value that a JSON file holds. Raises DataError for what is too large, too deep, or no JSON.
+    """The value of a JSON file. Raises DataError for a file that is too large, too deep, or not JSON.
 
-    Text that no encoding can store (a half of a surrogate pair) is refused. NaN, Infinity and what is beyond float64
-    come as such: who reads a field says by its name that it is not finite.
+    Text that no encoding can store (a half of a surrogate pair) is refused. NaN, infinity and numbers beyond float64
+    are returned: the reader of a field refuses them by its name.
     """
     try:
         text = read_bytes(path, TABLE_LIMIT).decode("utf-8-sig")
@@ -149,8 +149,8 @@ def read_json(path: Path) -> Any:
 def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file that people write. Raises DataError where it cannot be read or is too large.
 
-    Raises ValueError for what is no TOML, and for a key of more than DEEPEST_KEY parts: the reader takes memory for
-    every part of a key and all before it.
+    Raises ValueError for text that is not TOML, and for a key of more than DEEPEST_KEY parts: the reader's memory grows
+    with the square of the number of parts.
     """
     text = read_bytes(path, TOML_LIMIT).decode()
     if LONG_KEY.search(text):

@@ -1,4 +1,4 @@
-"""Everything that is wrong with a scene's folder, at once; loading it stops at the first error."""
+"""All errors of a scene's folder at once; loading a scene stops at the first error."""
 
 import hashlib
 import os
@@ -31,10 +31,10 @@ from .soundness import OF_PHOTOS, Frame, doubtful_coverage, little_evidence, req
 NORMAL_FILE = re.compile(r"normal\.png")
 
 UNIT_TOLERANCE = 0.05
-"""How far from one the length of a stored normal may be: 8 bits allow 0.007."""
+"""Largest deviation of a stored normal's length from one: 8 bits allow 0.007."""
 
 CAMERAS_THAT_AGREE = 3
-"""Training cameras from which on there is a point that they look at."""
+"""Fewest training cameras for which a common point of their axes is estimated."""
 
 PARALLEL = 0.01
 """Mean squared sine of angles between cameras' axes and their mean (about 6 degrees) below which they meet nowhere."""
@@ -45,14 +45,14 @@ BAD_SHARE = 0.01
 
 @dataclass(frozen=True)
 class Report:
-    """The findings of a check; ``scene`` is None if it cannot be loaded."""
+    """The findings of a check; ``scene`` is None if the scene cannot be loaded."""
 
     scene: Scene | None
     findings: tuple[Finding, ...]
 
     @property
     def sound(self) -> bool:
-        """Whether nothing stands in the way of using the scene."""
+        """Whether nothing prevents the use of the scene."""
         return not any(finding.severity == "error" for finding in self.findings)
 
 
@@ -70,7 +70,7 @@ class Seen:
     remarks: Sequence[Finding] = ()
     frame: Frame | None = None
     digest: tuple[bool, bytes] = (True, b"")
-    """Whether it is of the whole image, not of a coarse one, and the SHA-256."""
+    """Whether the digest covers the whole image (not a coarse one), and the SHA-256."""
 
 
 def check_scene(
@@ -79,10 +79,10 @@ def check_scene(
     advance: Advance = lambda done, total: None,
     deep: bool = False,
 ) -> Report:
-    """Load the scene as the options say, look at its views, and decode every other image below its folder, each once.
+    """Load the scene as the options say, look at its views, and decode every other image below its folder once.
 
-    ``deep``: whether cameras, images and maps of a scene without errors are also held against one another
-    (``deep_check``). ``advance`` is told (done, total) files. Raises DataError only if there is no such folder.
+    ``deep``: whether cameras, images and maps of a scene without errors are also compared with each other
+    (``deep_check``). ``advance`` receives (done, total) files. Raises DataError only if there is no such folder.
     """
     folder = Path(os.path.normpath(scene_folder(name_or_path).absolute()))
     scene: Scene | None = None
@@ -141,7 +141,7 @@ def _of_scene(scene: Scene) -> Iterator[Finding]:
 
 
 def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iterator[Finding]:
-    """Findings on views, one by one and held against one another; ``seen`` begins with theirs."""
+    """Findings on single views, and on views compared with each other; ``seen`` begins with the former."""
     yield from (each for one in seen for each in one.wrong)
     names: dict[bytes, list[str]] = defaultdict(list)
     known = [(view, one) for view, one in zip(views, seen, strict=False) if one.frame is not None]
@@ -165,7 +165,7 @@ def _of_views(scene: Scene, views: Sequence[View], seen: Sequence[Seen]) -> Iter
 def _at_view(folder: Path, centre: torch.Tensor | None, levels: int, view: View) -> Seen:
     """A look at a view's camera, image and coverage, whose files are decoded once, as levels where they are levels.
 
-    Where a coarse image leaves doubt, of one colour or little coverage, the whole one is looked at.
+    If a coarse image looks doubtful (one colour, little coverage), the whole one is checked.
     """
     wrong = [] if centre is None else list(_aim(view, centre))
     files: Decoded = {}
@@ -198,7 +198,7 @@ def _digest(image: torch.Tensor) -> bytes:
 
 
 def _at_file(folder: Path, path: Path) -> Seen:
-    """A look at one file; what it says of colours matters where a view reads it."""
+    """Findings on one file; its colours matter only if a view reads it."""
     files: Decoded = {}
     try:
         if path.suffix == ".json":
@@ -212,7 +212,7 @@ def _at_file(folder: Path, path: Path) -> Seen:
 
 
 def _decoded(folder: Path, files: Decoded) -> tuple[dict[Path, int | None], list[Finding]]:
-    """Bits a sample of files that were decoded, None for damaged ones, and what is wrong with them."""
+    """Bits per sample of decoded files, None for damaged ones, and findings on them."""
     bits: dict[Path, int | None] = {}
     damage: list[Finding] = []
     for (path, *_), found in files.items():

@@ -1,7 +1,7 @@
 """Applies the colour information of image files or refuses it by name: ICC profiles, and gAMA, cHRM and cICP of PNG.
 
-Everything else here takes an 8- or 16-bit image for display sRGB (or for plain numbers, where it is a map). A file that
-says it is something else, such as a telephone's Display P3 or a gamma of 1, would be misread without a word.
+Everything else here takes an 8- or 16-bit image for display sRGB (or for plain numbers, where it is a map). A file in
+another colour space, such as a telephone's Display P3 or a gamma of 1, would be misread silently.
 """
 
 import io
@@ -56,9 +56,9 @@ def profile_of_png(path: Path, chunks: Mapping[bytes, bytes]) -> bytes | None:
 def in_srgb(path: Path, image: NDArray, profile: bytes | None) -> NDArray:
     """Integer levels [height, width, 1, 3 or 4] (R, G, B, A) in sRGB, by LittleCMS, relative colorimetric.
 
-    A profile that is sRGB leaves every level as it is. A grey image may have a profile of colours: its level is R, G
-    and B. Raises DataError for a profile that cannot be applied: damaged, of other channels than the image, or of an
-    image with 16 bits.
+    An sRGB profile changes no level. A grey image may have a profile of colours: its level is R, G and B. Raises
+    DataError for a profile that cannot be applied: damaged, of other channels than the image, or of an image with 16
+    bits.
     """
     if profile is None:
         return image

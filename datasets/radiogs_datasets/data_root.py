@@ -1,4 +1,4 @@
-"""Where scenes are: the miniatures of the package and a folder of downloaded ones, listed without importing PyTorch."""
+"""Folders of scenes, found without importing PyTorch: the package's miniatures, and downloaded scenes."""
 
 import os
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ def data_root() -> Path | None:
 
 @contextmanager
 def using_data_root(root: Path | None, *, planned: bool = False) -> Iterator[None]:
-    """With ``root`` as the root of data, in this process and those that it starts; None: as it is.
+    """Context with ``root`` as the root of data, in this process and its child processes; None: unchanged.
 
     Raises DataError if there is no such folder, unless it is only ``planned``.
     """
@@ -56,7 +56,7 @@ def using_data_root(root: Path | None, *, planned: bool = False) -> Iterator[Non
 
 
 def below_root() -> str:
-    """For messages: where else a folder was looked for."""
+    """For messages: the further places that were searched for a folder."""
     root = data_root()
     return f", here or in {root}," if root else f" (here; {DATA_VARIABLE} names no folder to look in)"
 

@@ -1,7 +1,7 @@
-"""An enlarged scene: as many views as wanted, of any size, for measuring time and memory and nothing else.
+"""An enlarged scene: any number of views of any size, only for measuring time and memory.
 
-Views are repeated in turn, and every pixel becomes a block: nothing is seen that was not there, but methods work, and
-take memory, as for a scene of that size. Maps are enlarged whenever they are read, and need no files.
+Views are repeated in turn, and every pixel becomes a block: the content stays the same, but methods need the time and
+memory of a scene of this size. Maps are enlarged whenever they are read, and need no files.
 """
 
 from dataclasses import replace

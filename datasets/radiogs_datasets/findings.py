@@ -1,4 +1,4 @@
-"""A thing that is wrong with a scene, and findings of the same words in one."""
+"""A defect of a scene, and the grouping of findings with equal words."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ Severity = Literal["error", "warning"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong: where (a file or a view), what, and whether the scene can be used all the same."""
+    """A defect of a scene: its place (a file or a view), its description, and whether the scene is still usable."""
 
     place: str
     what: str
@@ -21,12 +21,12 @@ class Finding:
 
 
 def warning(place: str, what: str) -> Finding:
-    """A thing that is wrong with a scene which can be used all the same."""
+    """The finding of a defect with which the scene is still usable."""
     return Finding(place, what, "warning")
 
 
 def grouped(findings: Sequence[Finding]) -> Iterator[Finding]:
-    """Findings in their order, those of the same words in one where there are more than ``MOST_ALIKE``."""
+    """Findings in their order; more than ``MOST_ALIKE`` findings with equal words become one."""
     alike: dict[tuple[str, Severity], list[str]] = defaultdict(list)
     for finding in findings:
         alike[finding.what, finding.severity].append(finding.place)

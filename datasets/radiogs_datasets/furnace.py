@@ -31,13 +31,13 @@ ROUGHNESS = 0.99
 SIZE = 64
 FIELD_OF_VIEW = 90.0
 TURNS = (0.3, 1.9)
-"""Azimuths, in radian, that the two views look along from the middle of the room; neither is straight at a wall."""
+"""Azimuths, in radian, of the two views from the middle of the room; neither is perpendicular to a wall."""
 
 
 def furnace(name: str) -> Scene:
     """The room of that name around the origin: two views from within, with exact ``direct`` and ``indirect`` light.
 
-    ``direct`` is what the walls emit, ``indirect`` what they reflect; there is no distant light.
+    ``direct`` is the emitted, ``indirect`` the reflected radiance; there is no distant light.
     """
     views = tuple(_view(f"{name}_{place}", turn, ALBEDOS[name]) for place, turn in enumerate(TURNS))
     dark = EnvironmentMap(torch.zeros(2, 4, 3))

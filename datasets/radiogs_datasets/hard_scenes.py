@@ -66,9 +66,9 @@ def painted(scene: Scene, value: float) -> Scene:
 
 
 def under_brighter_lights(scene: Scene, factor: float) -> Scene:
-    """Lights for relighting ``factor`` times as bright; true relit images follow, clipped as displays clip them.
+    """Lights for relighting ``factor`` times as bright, and the true relit images, clipped as displays clip them.
 
-    Metrics of relit images then say little: what covers a pixel by a millionth is white, too.
+    Metrics of relit images then mean little: what covers a pixel by a millionth is white, too.
     """
 
     def brighter(view: View) -> View:
@@ -87,8 +87,8 @@ def under_brighter_lights(scene: Scene, factor: float) -> Scene:
 def under_a_sun(scene: Scene, radiance: float) -> Scene:
     """Lights for relighting with one texel of ``radiance``, halfway up in the direction -X.
 
-    True relit images are as under lights that are brighter by that factor: white wherever something is seen, since one
-    bounce of such a sun is beyond what a display shows.
+    True relit images are as under such bright lights: white wherever something is seen, because one bounce of this sun
+    exceeds a display's range.
     """
     lights = {name: EnvironmentMap(light.radiance.clone()) for name, light in scene.lights.items()}
     for light in lights.values():

@@ -43,15 +43,15 @@ def read_image(path: Path, numbers: bool = False) -> NDArray[np.float32]:
 
 
 Decoded = dict[tuple[Path, bool, bool], NDArray | DataError]
-"""Images by path, whether read as numbers, and whether coarsely: levels, values, or the error that reading ended in."""
+"""Cache of images by path, whether read as numbers, and whether coarsely: levels, values, or the error of reading."""
 
 DECODED: ContextVar[Decoded | None] = ContextVar("images that are kept once decoded", default=None)
-"""Where this thread keeps what it decodes, each file once, which nobody may write into; None: nowhere."""
+"""This thread's cache of decoded files, which are read-only; None: nothing is cached."""
 
 COARSE = 2
 LEVELS_WANTED: ContextVar[int] = ContextVar("whether levels of 8 bits are wanted in place of values", default=0)
-"""Whether sources of photos and masks that can give levels of 8 bits do so, a quarter of the memory of values. Not for
-sources that are made of others' values. Where COARSE levels are wanted, a photo may be read coarsely."""
+"""Whether sources of photos and masks that can give levels of 8 bits do so, a quarter of the memory of values. Sources
+that combine others' values are excluded. With COARSE, a photo may be read at reduced size."""
 
 
 def read_stored(path: Path, numbers: bool = False, coarse: bool = False) -> NDArray:
@@ -127,7 +127,7 @@ def write_png(path: Path, image: NDArray[np.floating], bits: int = 8) -> None:
 
 
 LOGGING = getattr(cv2.utils, "logging", cv2)
-"""Where OpenCV keeps its level of logging: since version 5 in a module of its own."""
+"""OpenCV's functions for its logging level: since version 5 in a module of its own."""
 
 SILENT = 0
 
@@ -136,11 +136,11 @@ COMPLAINTS = (b"(EXR_ERR_", b"Warning: Exception raised")
 
 
 def read_exr(path: Path, data: bytes | None = None) -> NDArray[np.float32]:
-    """Linear values of the channels that are the image (``chosen_channels``): R, G, B(, A), X, Y, Z or one of values.
+    """Linear values of the image's channels (``chosen_channels``): R, G, B(, A), X, Y, Z or a single one.
 
-    OpenEXR prints what it finds wrong with pixels; it is caught, as JPEG's warnings are (``native_output``).
-    Raises DataError if the file is missing, damaged, or holds a NaN or an infinity; and where it has several parts, no
-    whole image, or says that it is no image in sRGB's primaries.
+    OpenEXR prints errors of pixels; they are caught, as are JPEG's warnings (``native_output``). Raises DataError if
+    the file is missing, damaged, or holds a NaN or an infinity; has several parts, lacks a whole image, or states other
+    primaries than sRGB's.
     """
     data = _of_type("OpenEXR", path, data)
     height, width = exr_size(path, data)
@@ -166,7 +166,7 @@ def read_exr(path: Path, data: bytes | None = None) -> NDArray[np.float32]:
 
 
 def _of_type(wanted: str, path: Path, data: bytes | None) -> bytes:
-    """The bytes of a file, read where they are not given. Raises DataError where they are of another type."""
+    """The bytes of a file, read if not given. Raises DataError if they are of another type."""
     data = read_bytes(path) if data is None else data
     if (found := type_of(path, data)) != wanted:
         raise DataError(f"{path} is a {found} file", f"It must be {wanted}: radiance.", "Save it in that type.")
@@ -175,7 +175,7 @@ def _of_type(wanted: str, path: Path, data: bytes | None) -> bytes:
 
 @contextmanager
 def _named(data: bytes) -> Iterator[str]:
-    """A path at which these bytes are read: OpenEXR reads paths, and the file at ours may change."""
+    """A path from which these bytes can be read: OpenEXR only reads paths, and the original file may change."""
     with unnamed_file() as file:
         file.write(data)
         file.flush()
@@ -197,7 +197,7 @@ def write_exr(path: Path, image: NDArray[np.floating]) -> None:
 def read_hdr(path: Path, data: bytes | None = None) -> NDArray[np.float32]:
     """Linear RGB of a Radiance RGBE file, never negative. Raises DataError as ``read_exr`` does.
 
-    Its EXPOSURE is not applied: neither Blender nor the published codes do.
+    Its EXPOSURE is not applied, as in Blender and the published codes.
     """
     data = _of_type("Radiance", path, data)
     radiance_size(path, data)

@@ -1,14 +1,14 @@
-"""Reads the headers of image files before a decoder does, which would take all the memory that a header claims.
+"""Reads the headers of image files before a decoder does, because a decoder allocates all memory that a header claims.
 
-A file's type is told by its first bytes, not by its name: photos are often saved as JPEG and called .png.
+A file's type is recognised by its first bytes, not by its name: photos are often saved as JPEG and called .png.
 
 PNG and Radiance files are checked as a whole, and JPEG and WebP files must have an end: decoders fill what a cut-off
 file lacks. Damage to pixels of JPEG and OpenEXR files is reported by their decoders (``image_files``).
 
-Which channels of an OpenEXR file are its image is told by their names. A channel is called ``layer.R``; renderers write
-``R, G, B, A``, ``ViewLayer.Combined.R`` (Blender), ``Y`` or ``Z`` or ``V`` (one value), ``Normal.X, Normal.Y,
-Normal.Z``. Case does not matter. Taking channels by the order of their names instead would turn RGB to BGR, and alpha
-to depth; where names do not tell, the file is refused.
+The image's channels of an OpenEXR file are found by their names. A channel is called ``layer.R``; renderers write ``R,
+G, B, A``, ``ViewLayer.Combined.R`` (Blender), ``Y`` or ``Z`` or ``V`` (one value), ``Normal.X, Normal.Y, Normal.Z``.
+Case does not matter. Taking channels by the order of their names instead would turn RGB to BGR, and alpha to depth;
+files with ambiguous names are refused.
 """
 
 import io
@@ -50,7 +50,7 @@ EXR_CHANNEL = 17
 JPEG_END, JPEG_SCAN = 0xD9, 0xDA
 JPEG_MARKER = re.compile(rb"\xff+([^\x00\xff\xd0-\xd7])", re.DOTALL)
 AFTER_SCAN = re.compile(rb"\xff([^\x00\xff\xd0-\xd7])", re.DOTALL)
-"""A marker that is not a byte of a scan, and not one at which a scan restarts; searched for, the second is faster."""
+"""Pattern of a marker after a scan: neither a stuffed byte nor a restart marker."""
 
 RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
 RADIANCE_RUN = 127
@@ -82,8 +82,8 @@ ORIENTATION = 0x0112
 class Header:
     """The header of an image file: its type by its bytes, the size in pixels, and what its pixels carry.
 
-    ``transparent``: whether pixels have alpha, of their own, by their palette or by a key. ``bits`` a sample, where
-    they are levels. ``orientation`` is EXIF's, 1 where there is none.
+    ``transparent``: whether pixels have alpha, as a channel, by the palette or by a key. ``bits`` per sample, if they
+    are levels. ``orientation``: EXIF's, 1 without one.
     """
 
     type: str
@@ -114,7 +114,7 @@ class PngLayout(Header):
 
 
 def damaged(path: Path, reason: str) -> DataError:
-    """The error for a file that cannot be what its name says."""
+    """The error for a file whose content does not have the expected format."""
     return DataError(
         f"{path} is damaged: {reason}",
         "A partly decoded image would be trained on, or scored, as if the rest of it were black.",
@@ -138,14 +138,14 @@ def type_of(path: Path, data: bytes) -> str:
 
 
 def usual_type(path: Path) -> str:
-    """The type that the ending of a name stands for; empty for an unknown one."""
+    """The type that a file name's ending stands for; empty for an unknown ending."""
     return next((name for name, endings, _ in TYPES if path.suffix.lower()[1:] in endings.split()), "")
 
 
 def image_header(path: Path, data: bytes, numbers: bool = False) -> Header:
     """The header of a file; its layout is checked, its pixels are not decoded. Raises DataError.
 
-    ``numbers``: the image is no colours but, say, a mask, so that what it says of its colours does not matter.
+    ``numbers``: the image is not colours but, for example, a mask, so that its colour profile is ignored.
     """
     match kind := type_of(path, data):
         case "PNG":
@@ -162,7 +162,7 @@ def image_header(path: Path, data: bytes, numbers: bool = False) -> Header:
 
 
 def _orientation(exif: bytes) -> int:
-    """EXIF's orientation, 1 to 8; 1 where the data does not say, or cannot be understood."""
+    """EXIF's orientation, 1 to 8; 1 if the data lack it or cannot be parsed."""
     found = Exif()
     try:
         found.load(exif)
@@ -173,7 +173,7 @@ def _orientation(exif: bytes) -> int:
 
 
 def png_layout(path: Path, data: bytes, numbers: bool = False) -> PngLayout:
-    """Walk the chunks of a PNG: all there, and none altered. ``numbers``: what it says of colours is passed over."""
+    """Check the chunks of a PNG: complete and unaltered. ``numbers``: its colour profile is ignored."""
     chunks = list(_png_chunks(path, data))
     if not chunks or chunks[0][0] != b"IHDR" or len(chunks[0][1]) != 13:
         raise damaged(path, "its header is missing")
@@ -198,7 +198,7 @@ def png_layout(path: Path, data: bytes, numbers: bool = False) -> PngLayout:
 
 
 def _png_others(path: Path, chunks: Sequence[tuple[bytes, bytes]]) -> dict[bytes, bytes]:
-    """Chunks beside the pixels, by name. Raises DataError for an animation, and for what a reader must know."""
+    """Other chunks than pixels, by name. Raises DataError for an animation, and for an unknown critical chunk."""
     others = {name: body for name, body in chunks if name not in (b"IHDR", b"PLTE", b"IDAT", b"IEND")}
     if b"acTL" in others:
         raise DataError(
@@ -265,7 +265,7 @@ def exr_size(path: Path, data: bytes) -> tuple[int, int]:
 
 
 def exr_channels(path: Path, data: bytes) -> list[str]:
-    """Names of an OpenEXR file's channels, with those of their layers. Raises DataError."""
+    """Names of an OpenEXR file's channels, each with its layer's name. Raises DataError."""
     names: list[str] = []
     try:
         listed, place = _exr_attribute(data, b"channels"), 0
@@ -279,9 +279,9 @@ def exr_channels(path: Path, data: bytes) -> list[str]:
 
 
 def chosen_channels(path: Path, names: Iterable[str]) -> list[str]:
-    """The names of the channels of the image, in the order R, G, B(, A). Raises DataError where they do not tell.
+    """The names of the channels of the image, in the order R, G, B(, A). Raises DataError if they are ambiguous.
 
-    Colours without a layer go before those of any layer; else there must be one layer with an image.
+    Colours without a layer take precedence; else exactly one layer must have an image.
     """
     layers: dict[str, dict[str, str]] = {}
     for name in names:
@@ -329,7 +329,7 @@ def radiance_size(path: Path, data: bytes) -> tuple[int, int]:
 
 
 def require_size(path: Path, height: int, width: int) -> None:
-    """Raise DataError for an image that takes more memory than is granted, before a decoder asks for it."""
+    """Raise DataError for an image that exceeds the allowed memory, before a decoder allocates it."""
     if not (0 < height <= LARGEST_SIDE and 0 < width <= LARGEST_SIDE):
         raise damaged(path, f"its header claims {width} x {height} pixels")
     if height * width > limit(IMAGE_LIMIT):
@@ -355,7 +355,7 @@ def _png_chunks(path: Path, data: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def exr_envmap(path: Path) -> str | None:
-    """OpenEXR's attribute ``envmap`` of a readable file: ``latlong`` or ``cube``; None where it is absent."""
+    """OpenEXR's attribute ``envmap`` of a readable file: ``latlong`` or ``cube``; None if absent."""
     with suppress(ValueError):
         return {b"\0": "latlong", b"\1": "cube"}.get(_exr_attribute(read_bytes(path), b"envmap"))
     return None

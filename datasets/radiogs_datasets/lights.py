@@ -1,8 +1,8 @@
 """Lights from files: environment maps, which are distant light as linear radiance, and lamps.
 
-A latitude-longitude map is twice as wide as high. Cube maps are converted where the file says how its faces lie:
+A latitude-longitude map is twice as wide as high. Cube maps are converted if the layout of their faces is known:
 OpenEXR's attribute ``envmap`` (faces +X, -X, +Y, -Y, +Z, -Z of a world with Y up, in a column), and crosses with empty
-corners, which fold in one way. Any other shape is refused by name: nothing says which direction a pixel shows.
+corners, which fold in one way. Any other shape is refused by name, because the directions of its pixels are unknown.
 """
 
 from dataclasses import dataclass
@@ -29,9 +29,9 @@ OWN_LIGHTS = Path(__file__).parent / "tiny" / "corner" / "envmaps"
 def read_light(path: Path) -> tuple[EnvironmentMap, list[str]]:
     """A map of distant light, Z up, from RGB or RGBA, and sentences on what was changed.
 
-    Negative radiance becomes zero; cube maps whose file says how their faces lie become latitude-longitude maps.
-    Raises UsageError for a file of another kind than .hdr and .exr, DataError for a damaged one, for one of fewer
-    channels, for one in which nothing is above zero, and for one of another shape.
+    Negative radiance becomes zero; cube maps with a known layout of faces become latitude-longitude maps. Raises
+    UsageError for a file of another kind than .hdr and .exr, DataError for a damaged one, for one of fewer channels,
+    for a black one, and for one of another shape.
     """
     readers = {".hdr": read_hdr, ".exr": read_exr}
     if path.suffix.lower() not in readers:
@@ -64,7 +64,7 @@ def read_lamps(path: Path | str) -> tuple[Lamp, ...]:
     """The lamps of a .toml or .json file: its point lamps, its spot lamps, then its suns.
 
     Raises UsageError for a file of another kind, DataError for one that is damaged, has no lamp, or has a field that is
-    unknown, missing or refused.
+    unknown, missing or invalid.
     """
     path = Path(path)
     if path.suffix.lower() not in (".toml", ".json"):
@@ -85,8 +85,8 @@ def read_lamps(path: Path | str) -> tuple[Lamp, ...]:
 LAMPS_MANUAL = "The tables of lamps are described in docs/datasets.md; docs/examples/lamps.toml has one of each."
 
 Face = tuple[tuple[int, int], tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]]
-"""A face of a cube map: its row and column among the faces of the file, the direction that it faces, and those in which
-its columns and its rows grow. Directions are in the world that the map is read in: Z up, +X in the centre column."""
+"""A face of a cube map: its row and column among the faces of the file, the direction that it faces, and those of its
+columns and rows. Directions are in the world that the map is read in: Z up, +X in the centre column."""
 
 AHEAD: Face = (1, 1), (1, 0, 0), (0, -1, 0), (0, 0, -1)
 LEFT: Face = (1, 0), (0, 1, 0), (1, 0, 0), (0, 0, -1)
@@ -114,10 +114,10 @@ OPENEXR_FACES: tuple[Face, ...] = (
 def latitude_longitude(
     path: Path | str, stored: Float[Tensor, "height width 3"], envmap: str | None = None
 ) -> tuple[Float[Tensor, "rows columns 3"], str]:
-    """A stored light as latitude-longitude map (``radiogs_core.scene.light``), and a sentence where it was converted.
+    """A stored light as latitude-longitude map (``radiogs_core.scene.light``), and a sentence if it was converted.
 
-    ``envmap``: OpenEXR's attribute of that name, ``latlong`` or ``cube``; None where there is none. Raises DataError
-    for a light in another shape. The same light from everywhere is taken in any shape.
+    ``envmap``: OpenEXR's attribute of that name, ``latlong`` or ``cube``; None without it. Raises DataError for another
+    shape. A constant light is accepted in any shape.
     """
     height, width = stored.shape[:2]
     if envmap == "cube" and height == 6 * width:
@@ -153,7 +153,7 @@ def _not_twice_as_wide(path: Path | str, height: int, width: int, envmap: str | 
 
 
 def _empty_corners(stored: Float[Tensor, "height width 3"], faces: tuple[Face, ...], side: int) -> bool:
-    """Whether what no face covers holds one value throughout."""
+    """Whether all texels outside the faces have one value."""
     beside = torch.ones(stored.shape[:2], dtype=torch.bool)
     for (row, column), *_ in faces:
         beside[row * side : (row + 1) * side, column * side : (column + 1) * side] = False

@@ -1,4 +1,4 @@
-"""Captures the output of native libraries while they decode, because some report damage only there.
+"""Captures the output of native libraries while they decode, because some report damage only by printing.
 
 Their output, and bytes that they have to read from a path, go through files that no other process sees: in memory on
 Linux, temporary files on other systems.
@@ -27,7 +27,7 @@ class Printed:
     lines: dict[int, list[bytes]] = field(default_factory=dict)
 
     def taken(self, marks: tuple[bytes, ...]) -> list[bytes]:
-        """Lines that begin with or hold one of the marks, which are then no longer among the others."""
+        """Lines that begin with or hold one of the marks, which are removed from the others."""
         found = []
         for number, lines in self.lines.items():
             found += [line for line in lines if any(mark in line for mark in marks)]
@@ -35,7 +35,7 @@ class Printed:
         return found
 
     def pass_on(self) -> None:
-        """Print the lines that were not taken where they were to go: those of other threads."""
+        """Print the remaining lines to their original descriptors: other threads wrote them."""
         for number, lines in self.lines.items():
             if lines:
                 os.write(number, b"".join(lines))
@@ -68,7 +68,7 @@ def caught_output(*descriptors: int) -> Iterator[Printed]:
 
 
 def _flush() -> None:
-    """Write out what Python and the C library hold back."""
+    """Flush Python's and the C library's buffers."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None and not stream.closed:
             stream.flush()

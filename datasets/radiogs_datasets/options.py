@@ -19,7 +19,7 @@ class SceneOptions:
     """How a scene is opened; the defaults take it as it is stored.
 
     ``hold_out``, ``mask_folder``, ``masks`` and ``undistorted`` are for layouts ``colmap``, ``blender`` and ``llff``
-    without a test split. Raises UsageError for numbers that mean nothing, and for both ``reduce`` and ``long_side``.
+    without a test split. Raises UsageError for numbers out of range, and for both ``reduce`` and ``long_side``.
     """
 
     layout: str | None = None
@@ -64,7 +64,7 @@ AS_STORED = SceneOptions()
 
 
 def options_of(plain: Mapping[str, Any]) -> SceneOptions:
-    """The options that ``plain()`` wrote. Raises UsageError for names and values that are none."""
+    """The options that ``plain()`` wrote. Raises UsageError for invalid names and values."""
     texts, numbers = ("layout", "mask_folder", "masks"), ("hold_out", "reduce", "long_side")
     kinds = dict.fromkeys(texts, str) | dict.fromkeys(numbers, int) | {"undistorted": bool}
     for name, value in plain.items():

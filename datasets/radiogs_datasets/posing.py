@@ -1,7 +1,7 @@
 """Camera poses of photographs that have none, by COLMAP's structure from motion (extra ``poses``).
 
 Features (SIFT, on the CPU) and matches are kept in a hidden folder beside the photos, named by the content of photos
-and masks, until the model is complete: a run that was killed goes on from them. Photos of one size share a camera.
+and masks, until the model is complete: a killed run continues from them. Photos of one size share a camera.
 """
 
 import shutil
@@ -24,15 +24,15 @@ from .layouts.photos import images_in, inspect_photos
 from .writing import made_beside, require_new
 
 Matching = Literal["auto", "exhaustive", "sequential"]
-"""The pairs of photos that are matched: all, or those near each other in the order of names (a video, a walk)."""
+"""Which pairs of photos are matched: all, or neighbours in the order of names (for a video or a walk)."""
 
 MOST_EXHAUSTIVE = 100
-"""Photos up to which ``auto`` matches all pairs: 4,950 of them."""
+"""Largest number of photos for which ``auto`` matches all pairs (4,950 pairs)."""
 
 FEWEST = 3
 NEAR, PAIRS = 10, 50
-"""Photos after each one that ``sequential`` matches with it, beside those at powers of two; pairs that are matched at a
-time, the most that a killed run matches once more."""
+"""Number of next photos that ``sequential`` matches with each one, besides photos at powers of two; and pairs per
+batch, the most that a killed run has to repeat."""
 
 SEED = 0
 """Seed of every random sampling consensus."""
@@ -40,7 +40,7 @@ SEED = 0
 
 @dataclass(frozen=True)
 class Posed:
-    """The largest model that photos were joined to, which lies in sparse/0 of ``scene``."""
+    """The largest model of joined photos, which lies in sparse/0 of ``scene``."""
 
     scene: Path
     masks: Path | None
@@ -61,7 +61,7 @@ class _Work:
     colmap: Any
     """The module ``pycolmap``."""
     photos: Mapping[str, Path]
-    """Photos by the names that COLMAP has for them, which are numbers: it reads pairs of names without spaces."""
+    """Photos by their names in COLMAP, which are numbers, because it reads pairs of names without spaces."""
     kept: Path
     threads: int
     advance: Callable[[str, int, int], None]
@@ -148,7 +148,7 @@ def _lay_out(work: _Work, headers: Mapping[Path, Header], masks: Mapping[Path, P
 
 
 def _extract(work: _Work, masked: bool) -> None:
-    """Find the features of every photo; COLMAP passes over photos that have theirs."""
+    """Find the features of every photo; COLMAP skips photos that have features."""
     colmap, names = work.colmap, list(work.photos)
     reader = colmap.ImageReaderOptions(mask_path=work.kept / "masks" if masked else "")
     options = colmap.FeatureExtractionOptions(num_threads=work.threads)
@@ -162,7 +162,7 @@ def _extract(work: _Work, masked: bool) -> None:
 
 
 def _match(work: _Work, matching: Matching) -> None:
-    """Match the features of pairs of photos; COLMAP passes over pairs that are matched."""
+    """Match the features of pairs of photos; COLMAP skips matched pairs."""
     colmap, names, listed = work.colmap, list(work.photos), work.kept / "pairs.txt"
     verification = colmap.TwoViewGeometryOptions()
     verification.ransac.random_seed = SEED
@@ -178,9 +178,9 @@ def _match(work: _Work, matching: Matching) -> None:
 
 
 def pairs_of(photos: int, matching: Matching) -> list[tuple[int, int]]:
-    """The pairs of photos that are matched, by their places in the order of names.
+    """The pairs of photos that are matched, by indices in the order of names.
 
-    ``sequential``: of each photo with the ``NEAR`` following ones, and with those 16, 32, 64, ... places on.
+    ``sequential``: each photo with the ``NEAR`` next ones, and with the ones 16, 32, 64, ... places later.
     """
     if matching == "exhaustive" or (matching == "auto" and photos <= MOST_EXHAUSTIVE):
         return list(combinations(range(photos), 2))

@@ -1,4 +1,4 @@
-"""A reduced scene: fewer views, smaller images of any size."""
+"""A reduced scene: fewer views, and smaller images."""
 
 import math
 import threading
@@ -24,10 +24,10 @@ from .same_bytes import within
 from .view_maps import displayed_light
 
 MULTIPLIED = ("direct", "indirect")
-"""Maps that are multiplied by coverage already; the others are averaged over what is covered."""
+"""Maps that are already multiplied by coverage; other maps are averaged over the covered part."""
 
 WHOLLY = 0.999
-"""Share of a pixel, reduced or undistorted, that must be made of pixels that count, for it to count."""
+"""Smallest share of a reduced or undistorted pixel that must come from pixels that count, for the pixel to count."""
 
 Size = tuple[int, int]
 """Height and width in pixels."""
@@ -54,7 +54,7 @@ def resized(scene: Scene, options: SceneOptions) -> Scene:
 
 
 def smaller(scene: Scene, factor: int) -> Scene:
-    """Images of ``1 / factor`` of the side, rounded to whole pixels."""
+    """Images with ``1 / factor`` of the sides, rounded to whole pixels."""
     if factor == 1:
         return scene
     return _with_sizes(
@@ -66,7 +66,7 @@ def smaller(scene: Scene, factor: int) -> Scene:
 
 
 def with_long_side(scene: Scene, pixels: int) -> Scene:
-    """Images whose longer side has at most so many pixels; smaller ones stay."""
+    """Images reduced to a longer side of at most so many pixels; smaller images stay."""
 
     def size(height: int, width: int) -> Size:
         longer = max(height, width)
@@ -78,7 +78,7 @@ def with_long_side(scene: Scene, pixels: int) -> Scene:
 
 
 def _with_sizes(scene: Scene, size: Callable[[int, int], Size], mark: str, said: str) -> Scene:
-    """By area: radiance and colour in linear light, weighted by coverage. A camera keeps its field of view exactly."""
+    """Reduce by areas: radiance and colour in linear light, weighted by coverage. Cameras keep their field of view."""
     return replace(
         scene.each_view(lambda view: _view(view, size)),
         checksum=f"{scene.checksum}/{mark}",
@@ -109,14 +109,14 @@ MOST_KEPT = 1 << 28
 
 
 class KeptMaps:
-    """Reduced maps of large views: each file is decoded once. A map is that of the bytes that it was first read of."""
+    """Reduced maps of large views: each file is decoded once. A map belongs to the bytes of its first reading."""
 
     def __init__(self, most: int = MOST_KEPT) -> None:
         self._maps: OrderedDict[Callable[[], Tensor], Tensor] = OrderedDict()
         self._most, self._bytes, self._lock = most, 0, threading.Lock()
 
     def read(self, source: Callable[[], Tensor], together: Sequence[Callable[[], Tensor]] = ()) -> Tensor:
-        """The map that the source gives, in memory of the caller's own; with the first of ``together`` all are kept."""
+        """A copy of the source's map; reading one of ``together`` caches all of them."""
         with self._lock:
             kept = self._maps.get(source)
         if kept is None:
@@ -159,8 +159,8 @@ def linear_area_mean(
 ) -> NDArray[np.float32]:
     """Area means [rows, columns, 3] in linear light of display levels [height, width, 3], times ``weight``.
 
-    They are those of ``area_mean`` but for rounding, and take memory for one row of the result at a time. ``weight``
-    has the shape [height, width, 1].
+    They equal ``area_mean`` up to rounding, and take memory for one row of the result at a time. ``weight`` has the
+    shape [height, width, 1].
     """
     height = levels.shape[0]
     rows, columns = size
@@ -203,7 +203,7 @@ def _reduced(view: View, name: str, values: Tensor, size: Size) -> Float[Tensor,
 
 
 def area_mean(image: Float[Tensor, "height width channels"], size: Size) -> Float[Tensor, "rows columns channels"]:
-    """Means over the areas of larger pixels; a pixel that lies in two of them counts for both by its share."""
+    """Area means over larger pixels; a pixel that lies in two of them counts for both, in proportion."""
     rows, columns = size
     small = cv2.resize(np.ascontiguousarray(image.numpy()), (columns, rows), interpolation=cv2.INTER_AREA)
     return torch.from_numpy(small.reshape(rows, columns, image.shape[2]))

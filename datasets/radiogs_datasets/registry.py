@@ -1,4 +1,4 @@
-"""Scenes by name: those that come with the package, or a folder on disk in any known layout."""
+"""Scenes by name: scenes of the package, or a folder on disk in any known layout."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ FORWARD = Path(__file__).parent / "forward"
 
 @dataclass(frozen=True)
 class Layout:
-    """A layout: what its folders are told by, in words and as a test, and how they are read.
+    """A layout: the marks of its folders, in words and as a test, and its loader.
 
     ``load`` takes an absolute path without "..". ``of_photos``: whether views can be held out and masks given, as for
     captures; its ``load`` takes SceneOptions.
@@ -49,7 +49,7 @@ LAYOUTS: Mapping[str, Layout] = {
     "blender": Layout("transforms_train.json or transforms.json", blender.looks_like, blender.load_blender, True),
     "llff": Layout("poses_bounds.npy", llff.looks_like, llff.load_llff, True),
 }
-"""In the order in which they are tried: the more particular marks first."""
+"""Layouts in the order in which they are tried: more specific marks first."""
 
 
 def forward_names() -> tuple[str, ...]:
@@ -63,17 +63,17 @@ def known_names() -> tuple[str, ...]:
 
 
 def comes_with_package(folder: Path) -> bool:
-    """Whether a scene's folder is one of those that are committed with the package."""
+    """Whether a scene's folder is committed with the package."""
     return folder.parent in (TINY, OTHERS, FORWARD)
 
 
 def scene_kind(name_or_path: str) -> str | None:
-    """The kind that a scene states, over which tables take means; None where it states none, and for no scene."""
+    """The kind that a scene's metadata state, over which tables take means; None without one, or without a scene."""
     return scene_facts(name_or_path).get("kind")
 
 
 def scene_choices(name_or_path: str) -> str | None:
-    """Whether settings may be chosen by a scene's results: "tuned on" or "reported only"; None where not stated."""
+    """Whether settings may be chosen by a scene's results: "tuned on" or "reported only"; None if not stated."""
     return scene_facts(name_or_path).get("choices")
 
 
@@ -87,7 +87,7 @@ def scene_facts(name_or_path: str) -> dict[str, str]:
 
 
 def scene_folder(name_or_path: str) -> Path:
-    """Where a scene is. Raises DataError for what is neither a miniature nor a folder."""
+    """The folder of a scene. Raises DataError for a name that is neither a miniature nor a folder."""
     for room in (TINY, OTHERS, FORWARD):
         if name_or_path in (*scene_names(), *forward_names()) and (room / name_or_path).is_dir():
             return room / name_or_path
@@ -104,10 +104,10 @@ def scene_folder(name_or_path: str) -> Path:
 
 
 def located(name_or_path: str) -> Path | None:
-    """The folder of that path; else the one below the root of data (``data_root``); None where there is neither.
+    """The folder of that path; else the one below the root of data (``data_root``); None if neither exists.
 
-    A scene's name alone is looked for in each data set, ``<data set>/<scene>`` in folders between, too, such as
-    ``stanford-orb/blender_LDR/<scene>``. Raises DataError where several are found.
+    A scene's name alone is looked for in each data set, ``<data set>/<scene>`` also in folders between, such as
+    ``stanford-orb/blender_LDR/<scene>``. Raises DataError if several match.
     """
     folder, root = Path(name_or_path), data_root()
     if folder.is_dir() or root is None:
@@ -134,9 +134,9 @@ def _is_scene(folder: Path) -> bool:
 def load_scene(name_or_path: str, layout: str | None = None, options: SceneOptions = AS_STORED) -> Scene:
     """A miniature by its name, or the scene in a folder; for a folder that bears such a name write ``./name``.
 
-    The layout is told by the folder's files unless ``layout`` or the options name it. A generated scene knows its
-    surfaces. Raises UsageError for an unknown layout and for options that the layout does not take, DataError for what
-    is no scene, and for a scene that is incomplete or damaged.
+    The layout is recognised from the folder's files unless ``layout`` or the options name it. A generated scene knows
+    its surfaces. Raises UsageError for an unknown layout and for options that the layout does not take, DataError for a
+    folder without a scene, and for an incomplete or damaged one.
     """
     try:
         scene = resized(_as_stored(name_or_path, layout or options.layout, options), options)

@@ -1,7 +1,7 @@
-"""Holds a scene's files to the bytes that its checksum was taken of, each time one of them is decoded.
+"""Checks, whenever a file of a scene is decoded, that its bytes are still the bytes of the scene's checksum.
 
-Maps are read when they are asked for, long after the checksum. A file that was changed meanwhile, and is put back
-before the files are digested again, would be part of a result under the key of files that it was not made from.
+Maps are read when they are asked for, long after the checksum. Without this, a file that is changed meanwhile and
+restored later would enter a result whose key belongs to the original file.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ Read = TypeVar("Read")
 
 @contextmanager
 def within(variable: ContextVar[Value], value: Value) -> Iterator[None]:
-    """Within the block the variable has this value, in this thread."""
+    """Context in which the variable has this value, in this thread."""
     token = variable.set(value)
     try:
         yield
@@ -54,12 +54,12 @@ class SameBytes:
             )
 
     def read(self, source: Callable[[], Read]) -> Read:
-        """A map, or what else is read of the scene's files: of the bytes that the checksum was taken of."""
+        """Read a map, or anything else of the scene's files, and check that the bytes are the checksum's."""
         with within(_current, self):
             return source()
 
     def held(self, scene: Scene) -> Scene:
-        """The scene with every map read like this."""
+        """The scene with every map read through ``read``."""
         return scene.each_view(
             lambda view: replace(view, sources={name: partial(self.read, each) for name, each in view.sources.items()})
         )
@@ -75,6 +75,6 @@ _current: ContextVar[SameBytes | None] = ContextVar("the scene whose files are r
 
 
 def require_same(path: Path, data: bytes) -> None:
-    """Raise DataError where a file of the scene that is read in this thread has changed; nothing outside of one."""
+    """Raise DataError if a file of the scene being read in this thread has changed; does nothing outside a scene."""
     if (current := _current.get()) is not None:
         current.require(path, data)

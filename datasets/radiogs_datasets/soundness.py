@@ -1,8 +1,8 @@
-"""Whether a scene can be used: where it lies and how large it is, what it is called, and how little it shows.
+"""Whether a scene is usable: its position and size, its names, and whether it shows enough.
 
 Cameras and surfels are float32, so a scene far from the origin for its size has cameras on a coarse grid, and squares
-of very small or large lengths lose digits. Both are refused here by name: otherwise they end in a worse image. How
-little a scene shows is told in sentences: what its images cannot say, metrics of them cannot mean.
+of very small or large lengths lose digits. Both are refused here by name: otherwise they end in a worse image. Scenes
+that show little get warnings, because metrics of such images mean little.
 """
 
 import math
@@ -21,26 +21,26 @@ from .image_files import in_unit_range
 from .layouts.inspection import shown
 
 SMALLEST_EXTENT, LARGEST_EXTENT = 1e-4, 1e7
-"""Bounds of ``Scene.extent``, in world units, between which results do not depend on the unit (docs/reliability.md has
-what was measured). From about 1e8 on gradients of positions, which shrink as lengths grow, come near Adam's epsilon."""
+"""Bounds of ``Scene.extent``, in world units, between which results do not depend on the unit (docs/reliability.md:
+measurements). From about 1e8 on gradients of positions, which shrink as lengths grow, come near Adam's epsilon."""
 
 FARTHEST = 100.0
-"""Distance of the scene's middle from the origin, in units of its extent. At 900, differences of neighbouring points
-are so coarse that no normal is derived from depth; at 90 losses of training are those of smaller shifts."""
+"""Largest distance of the scene's middle from the origin, in units of its extent. At 900, differences of neighbouring
+points are too coarse to derive normals from depth; at 90 training losses are as for smaller shifts."""
 
 OF_PHOTOS = ("colmap", "blender", "llff")
-"""Layouts whose masks and alpha somebody has drawn."""
+"""Layouts whose masks and alpha were drawn by people."""
 
 OUTLIER, GAP, MOST_OUTLIERS = 8.0, 2.5, 0.2
-"""Times the median distance of cameras from their middle at which one is taken for damage, if that is also so many
-times the distance of the next nearer one, as on no path, and if no larger share of the cameras lies out there."""
+"""A camera is damage at so many times the median distance from the cameras' middle, if that is also so many times the
+next nearer camera's distance (unlike on any path), and if at most this share of cameras lies there."""
 
 FLOAT32_STEP = 2.0**-23
 PIXEL_SHARE = 0.25
-"""Share of a pixel, where cameras look, by which rounding a camera's place to float32 may move what it sees."""
+"""Largest share of a pixel by which rounding a camera's position to float32 may move the point that it looks at."""
 
 MOST_OBLONG = 16
-"""Times the shorter side of an image that the longer one may have."""
+"""Largest ratio of an image's longer to its shorter side."""
 
 
 SHORTEST_LENS, LONGEST_LENS = 0.005, 5e3
@@ -85,7 +85,7 @@ def require_placed(scene: Scene) -> None:
 
 
 def _outliers(away: torch.Tensor) -> list[int]:
-    """The cameras beyond the first gap from which on distances are out of proportion, the farthest first."""
+    """The cameras beyond the first out-of-proportion gap of distances, farthest first."""
     order = away.argsort()
     near, far = away[order[:-1]], away[order[1:]]
     gaps = ((far > OUTLIER * away.median()) & (far > GAP * near) & (away.median() > 0)).nonzero()[:, 0]
@@ -94,7 +94,7 @@ def _outliers(away: torch.Tensor) -> list[int]:
 
 
 def _rounding(view: View, centre: torch.Tensor) -> float:
-    """Pixels by which half a float32 step of the camera's place moves what it looks at; 0 where it looks at itself."""
+    """Pixels by which half a float32 step of the camera's place moves what it looks at; 0 if that is itself."""
     camera = view.camera
     step = 0.5 * FLOAT32_STEP * float(camera.centre.abs().max())
     distance = float((camera.centre.double() - centre).norm())
@@ -102,8 +102,8 @@ def _rounding(view: View, centre: torch.Tensor) -> float:
 
 
 def require_shaped(scene: Scene) -> None:
-    """Raise DataError for images so oblong that nothing of them is left at the size at which views are matched, and for
-    lenses that see nearly half of all directions or next to none."""
+    """Raise DataError for images too oblong to be matched at reduced size, and for lenses that see nearly half of all
+    directions or next to none."""
     for view in (*scene.train, *scene.test):
         camera, said = view.camera, f"view '{view.name}' of scene '{scene.name}' has"
         size, focal = (camera.width, camera.height), (camera.fx, camera.fy)
@@ -122,7 +122,7 @@ def require_shaped(scene: Scene) -> None:
 
 
 def require_names(scene: Scene) -> None:
-    """Raise DataError for names of a scene, its views and lights that nothing, or only one of two, is stored under."""
+    """Raise DataError for names of scene, views or lights that cannot name files, or would share one."""
     require_storable(scene.name, "the scene's folder")
     train, test = ([view.name for view in views] for views in (scene.train, scene.test))
     for names in (train, test, list(scene.lights), [name for name in test if name in {*train}] * 2):
@@ -151,20 +151,20 @@ SSIM_WINDOW = 11
 """Pixels of the window that SSIM compares: a smaller image has none."""
 
 FEWEST_VIEWS = 3
-"""Training views from which on a point is seen from two sides by more than chance."""
+"""Fewest training views for a point to be seen from two sides reliably."""
 
 FEWEST_PIXELS = 64
-"""Fewest covered pixels of a view whose metrics mean more than chance."""
+"""Fewest covered pixels of a view for meaningful metrics."""
 
 SAME_POSE = 0.01
-"""Share of the cameras' spacing, and radians, within which two poses are one."""
+"""Largest distance (in shares of the cameras' spacing) and largest angle (radians) between equal poses."""
 
 NOT_NEW = "test views are not new"
-"""Words of the sentences on test views that training has, too."""
+"""Words by which sentences on test views that also are training views are recognised."""
 
 
 def not_new_in(repairs: Sequence[str]) -> list[str]:
-    """The sentences among a scene's repairs that say which test views are not new."""
+    """The sentences among a scene's repairs on test views that training has, too."""
     return [said for said in repairs if NOT_NEW in said]
 
 
@@ -190,10 +190,9 @@ def shared_poses(scene: Scene) -> tuple[str, ...]:
 
 
 def shared_images(scene: Scene, digests: Mapping[str, bytes]) -> tuple[str, ...]:
-    """A sentence on test views whose image is that of a training view.
+    """A sentence on test views with the image of a training view.
 
-    ``digests`` are those of files, or of their pixels, by absolute path; sources of the views are as a layout's loader
-    made them.
+    ``digests``: of files or of their pixels, by absolute path; sources of the views are as a layout's loader made them.
     """
     train = {digest: view.name for view in scene.train if (digest := _digest(view, digests)) is not None}
     pairs = [f"{view.name} ({train[digest]})" for view in scene.test if (digest := _digest(view, digests)) in train]
@@ -227,7 +226,7 @@ def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
 
 
 def require_trainable(scene: Scene) -> None:
-    """Raise DataError for training views from which no shape can be learnt: a single one, or all from one place."""
+    """Raise DataError for training views that cannot determine a shape: a single one, or all from one place."""
     views = len(scene.train)
     if views == 1 or (views > 1 and scene.extent == 0):
         raise DataError(
@@ -257,17 +256,17 @@ def little_evidence(image: torch.Tensor, alpha: torch.Tensor | None) -> Iterator
 
 
 SPARSE = 16
-"""Step of the rows and columns that are looked at first."""
+"""Step of the rows and columns that are checked first."""
 
 RING = 2
 """Pixels at the border of an image that are looked at."""
 
 MOST_VIEWS, MOST_PIXELS = 0.8, 0.8
-"""Shares of the views, and of the ring's pixels in a view, from which on something holds for all: objects touch the
-border of some images."""
+"""Shares of the views, and of the ring's pixels in a view, from which a property counts for all: some objects touch the
+border."""
 
 ONE_COLOUR = 6 / 255
-"""Largest difference of display sRGB within one colour: JPEG rings."""
+"""Largest difference of display sRGB within one colour: JPEG artefacts reach it."""
 
 FEWEST_HOLES = 0.002
 """Share of uncovered pixels below which masks have no holes."""
@@ -315,7 +314,7 @@ def _ring(image: torch.Tensor) -> torch.Tensor:
 
 
 def doubtful_coverage(scene: Scene, frames: Sequence[Frame]) -> Iterator[str]:
-    """Sentences on masks that may be inverted, or may leave out rather than cover, and on a ground without masks."""
+    """Sentences on masks that may be inverted or mark pixels to ignore, and on a uniform ground without masks."""
     if len(frames) < FEWEST_VIEWS or scene.layout not in OF_PHOTOS:
         return
     if scene.surrounded:

@@ -1,4 +1,4 @@
-"""Files of a scene's folder that are not used: masks, photos without a camera, other sizes, splits and lists, images.
+"""Unused files of a scene's folder: masks, photos without a camera, other sizes, splits and lists, images.
 
 Each kind is one sentence among the scene's repairs, which ``datasets check``, ``train`` and ``run`` print. None is an
 error; but a capture that lost half of its photos, or whose masks are not read, is not what its owner means.
@@ -18,7 +18,7 @@ MASK_FOLDER = re.compile(r"(.*[_-])?(masks?|segmentations?|silhouettes?|mattes?)
 """Names of folders that hold masks."""
 
 IGNORING = re.compile(r"(.*[/_-])?(dynamic|ignore|transient)[_-]?masks?([/_.-].*)?", re.IGNORECASE)
-"""Paths of masks of what moves (instant-ngp: ``dynamic_mask_NAME.png``), whose white pixels are left out there."""
+"""Paths of masks of moving things (instant-ngp: ``dynamic_mask_NAME.png``), whose white pixels are ignored."""
 
 SIZED = re.compile(r"images(_\d+)?")
 """Folders of the same photos in several sizes."""
@@ -69,7 +69,7 @@ def _files(top: Path) -> Iterator[Path]:
 
 
 def _masks(folder: Path, left: list[Path], read: list[Path]) -> Said:
-    """Folders of masks beside the photos, of which one has a mask for each photo or not."""
+    """Sentences on folders of masks beside the photos, complete or not."""
     names: dict[str, dict[str, Path]] = {}
     for path in left:
         top = path.parts[0]
@@ -102,7 +102,7 @@ def _moving(left: list[Path]) -> Said:
 
 
 def _sizes(left: list[Path], read: list[Path]) -> Said:
-    """Folders of photos in sizes other than the one that is read."""
+    """Sentences on folders of photos in other sizes than the one that is read."""
     used = {path.parts[0] for path in read if SIZED.fullmatch(path.parts[0])}
     counts = Counter(path.parts[0] for path in left if len(path.parts) > 1 and SIZED.fullmatch(path.parts[0]))
     others = sorted(name for name in counts if used and name not in used)
@@ -112,7 +112,7 @@ def _sizes(left: list[Path], read: list[Path]) -> Said:
 
 
 def _splits(files: list[Path], left: list[Path]) -> Said:
-    """Transforms files that are not read, with the images in the folder of the split that they name."""
+    """Sentences on transforms files that are not read, and the images in the folder of their split."""
     said = []
     for table in (path for path in files if len(path.parts) == 1 and TABLE.fullmatch(path.name)):
         split = TABLE.fullmatch(table.name)[1]  # type: ignore[index]
@@ -123,7 +123,7 @@ def _splits(files: list[Path], left: list[Path]) -> Said:
 
 
 def _without_view(left: list[Path], read: list[Path]) -> Said:
-    """Images beside those of the views that have their names but for the digits, or lie in a folder of photos."""
+    """Sentences on images without a view: named like the views' images up to digits, or in a folder of photos."""
     alike = {DIGITS.sub("#", path.as_posix()) for path in read}
     places = {path.parent for path in read if path.parent.parts and SIZED.fullmatch(path.parent.parts[0])}
     lost = [path for path in left if DIGITS.sub("#", path.as_posix()) in alike or path.parent in places]

@@ -14,14 +14,14 @@ from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from .image_files import in_unit_range, read_image, read_stored
 
 NO_DIRECTION = 3**0.5 / 255 * 1.001
-"""Length of a zero normal as 8 bits store it: each of its coordinates is half a level too low or too high."""
+"""Length of a zero normal as stored in 8 bits: each component is half a level off."""
 
 FARTHEST = 1000.0
-"""Times the median depth of what is covered, beyond which a depth is the background's."""
+"""Multiple of the covered pixels' median depth beyond which a depth belongs to the background."""
 
 SOLID = 0.5
 MOST_WITHOUT = 0.01
-"""Coverage from which on a pixel has a normal, and the share of such pixels that may be without one: soft edges."""
+"""Coverage from which a pixel has a normal, and the largest share of such pixels without one (soft edges)."""
 
 
 def read_colour(path: Path) -> Float[Tensor, "height width 3"]:
@@ -61,7 +61,7 @@ def read_value(path: Path) -> Float[Tensor, "height width 1"]:
 
 
 def read_alpha(path: Path) -> Float[Tensor, "height width 1"]:
-    """The fourth channel. Raises DataError if the image has no alpha, or if nothing in it is covered."""
+    """The fourth channel. Raises DataError for an image without alpha, or with zero alpha everywhere."""
     alpha = _channels(path, 3, 4)
     if not bool((alpha > 0).any()):
         raise DataError(
@@ -73,7 +73,7 @@ def read_alpha(path: Path) -> Float[Tensor, "height width 1"]:
 def read_normal(path: Path, image: Path) -> Float[Tensor, "height width 3"]:
     """Unit normals in the world from n / 2 + 1 / 2; zero where ``image`` has no coverage (no direction is stored).
 
-    Zero, too, where grey is stored, which is no direction. Raises DataError where that is more than an edge.
+    Also zero where grey is stored, which has no direction. Raises DataError if these are more than edge pixels.
     """
     stored, alpha = 2 * read_colour(path) - 1, read_alpha(image)
     none = stored.norm(dim=-1, keepdim=True) <= NO_DIRECTION
@@ -91,8 +91,8 @@ def read_normal(path: Path, image: Path) -> Float[Tensor, "height width 3"]:
 def read_depth(path: Path, image: Path) -> Float[Tensor, "height width 1"]:
     """Z-depth in world units; zero where ``image`` has no coverage, and at partly covered pixels of background depth.
 
-    Renderers write a distance such as 1e10 where nothing is, and at the edge of what is there a mixture with it. Raises
-    DataError where a fully covered pixel has such a distance, or one below zero: it would be the error of the view.
+    Renderers write a distance such as 1e10 for the background, and mix it into depths at edges. Raises DataError if a
+    fully covered pixel has such a depth or a negative one, which would dominate the view's error.
     """
     depth, alpha = read_value(path), read_alpha(image)
     solid = alpha == 1

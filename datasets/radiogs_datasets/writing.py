@@ -1,7 +1,7 @@
 """Writing scenes: a new folder and its cameras for all writers, and a scene in another layout.
 
 Cameras are ``transforms_*.json``: OpenGL camera-to-world and one field of view, as NeRF-synthetic has them. Cameras
-that one angle cannot say have a lens in pixels for each frame, as instant-ngp and nerfstudio read them. A layout's
+that one angle cannot describe have a lens in pixels for each frame, as instant-ngp and nerfstudio read them. A layout's
 writer takes maps as ``radiogs_core.scene.scene.MapName`` defines them.
 """
 
@@ -50,7 +50,7 @@ def made_beside(folder: Path) -> Iterator[Path]:
 
 
 def require_new(folder: Path) -> None:
-    """Raise UsageError for a folder that is neither absent nor empty."""
+    """Raise UsageError unless a folder is absent or empty."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(
             f"{folder} exists already", "A scene is not written over files.", "Remove it, or choose another folder."
@@ -58,11 +58,11 @@ def require_new(folder: Path) -> None:
 
 
 PIXEL_TOLERANCE = 1e-3
-"""How far, in pixels, a principal point may lie from the middle, and one focal length from another."""
+"""Largest distance, in pixels, of a principal point from the middle, and difference of focal lengths, for one angle."""
 
 
 def write_transforms(path: Path, views: Sequence[View], names: Sequence[str], lenses: bool = False) -> None:
-    """Write the file; with ``lenses`` a frame has one in pixels where one angle cannot say all cameras.
+    """Write the file; with ``lenses`` each frame has a lens in pixels if one angle cannot describe all cameras.
 
     Raises DataError for such cameras without ``lenses``.
     """
@@ -116,7 +116,7 @@ def write_display(
 
 
 def psnr(first: NDArray, second: NDArray) -> float | None:
-    """PSNR in dB between two maps, two digits; None where they are equal."""
+    """PSNR in dB between two maps, two digits; None for equal maps."""
     error = float(np.square((first - second).astype(np.float64)).mean())
     return round(-10 * math.log10(error), 2) if error else None
 
@@ -125,12 +125,12 @@ Advance = Callable[[int, int], None]
 
 
 def convert(scene: Scene, folder: Path, layout: str, advance: Advance = lambda done, total: None) -> tuple[str, ...]:
-    """Write the scene below ``folder``; returns a sentence for each thing that the layout cannot carry.
+    """Write the scene below ``folder``; returns a sentence for each thing that the layout cannot store.
 
-    Colours become 8-bit PNG, radiance half-float EXR, as the layout has them. ``advance`` is told (done, total) views.
+    Colours become 8-bit PNG, radiance half-float EXR, as the layout has them. ``advance`` receives (done, total) views.
     The folder is made beside its place and renamed at the end: an interrupted conversion leaves no half scene. Raises
     UsageError for an unknown layout, a folder that holds something or a scene with pixels that are left out, DataError
-    for a damaged scene or for cameras that the layout cannot say.
+    for a damaged scene or for cameras that the layout cannot describe.
     """
     if layout not in WRITERS:
         raise unknown("layout to write", layout, WRITERS)
@@ -179,10 +179,10 @@ WriteView = Callable[[Path, View, str, int], list[str]]
 class Layout:
     """How a layout is written.
 
-    ``frame`` names a view's entry in the transforms file from its split and number; ``view`` writes its image,
-    coverage and other maps, and returns the names of the others; ``light`` is the path of a light's map, Z up, with its
-    name left open, or None where the layout has no lights; ``training_light`` the name of the training light.
-    ``lenses``: whether a frame may have a lens of its own.
+    ``frame``: a view's name in the transforms file from its split and number. ``view``: writes its image, coverage and
+    other maps, and returns the other maps' names. ``light``: path of a light's map, Z up, with its name left open; None
+    for a layout without lights. ``training_light``: name of the training light. ``lenses``: whether a frame may have a
+    lens of its own.
     """
 
     frame: Callable[[str, int], str]
@@ -196,7 +196,7 @@ KINDS = {".png": write_png, ".exr": write_exr, ".hdr": write_hdr}
 
 
 def _store(path: Path, image: Image, alpha: Mask | None = None) -> None:
-    """Write an image, with an alpha if one is given, as its name's ending says, in a folder that may be new."""
+    """Write an image, with alpha if given, in the format of its name's ending; makes the folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     KINDS[path.suffix](path, (image if alpha is None else torch.cat([image, alpha], -1)).numpy())
 
@@ -206,7 +206,7 @@ def _alpha(view: View) -> Mask:
 
 
 def write_tensoir_view(folder: Path, view: View, split: str, number: int) -> list[str]:
-    """One folder a view: everything that a scene can hold has a file."""
+    """Write one folder per view: everything that a scene can hold has a file."""
     place, alpha = folder / f"{split}_{number:03}", _alpha(view)
     _store(place / "rgba.png", view.read("image"), alpha)
     written = []
@@ -227,7 +227,7 @@ def write_tensoir_view(folder: Path, view: View, split: str, number: int) -> lis
 
 
 def write_synthetic4relight_view(folder: Path, view: View, split: str, number: int) -> list[str]:
-    """Training views as linear EXR on black with a mask, test views as PNG with albedo in sRGB."""
+    """Write training views as linear EXR on black with a mask, test views as PNG with albedo in sRGB."""
     alpha, stem = _alpha(view), f"{number:03}"
     if split == "train":
         _store(folder / f"train/{stem}_rgb.exr", srgb_decode(view.read("image")) * alpha)
@@ -249,7 +249,7 @@ def write_synthetic4relight_view(folder: Path, view: View, split: str, number: i
 
 
 def write_blender_view(folder: Path, view: View, split: str, number: int) -> list[str]:
-    """The image and its coverage, nothing else."""
+    """Write the image and its coverage, nothing else."""
     _store(folder / f"{split}/r_{number}.png", view.read("image"), _alpha(view))
     return []
 

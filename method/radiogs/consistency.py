@@ -72,8 +72,8 @@ class RadiometricConsistency:
         """L_rad over the surfels ``index``, from the light ``incident`` on them.
 
         Both outgoing directions of a surfel share its incident samples. The direction towards the camera counts only
-        for surfels that face it. ``environment``: linear radiance of the light. ``specular_at``: mask, over all
-        surfels, of those with a specular lobe (None: all).
+        for surfels that face it. ``environment``: linear radiance of the light. ``specular_at``: mask over all surfels:
+        True for surfels with a specular lobe (None: all have one).
         """
         roughness = surfels.roughness if self.roughness_learns else surfels.roughness.detach()
         drawn = torch.randn(len(index), 3, generator=generator, dtype=surfels.centre.dtype, device=index.device)

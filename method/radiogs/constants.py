@@ -21,9 +21,9 @@ class Constant:
     """Dotted name of the field of ``Variant``, of the budget of preset "paper" as ``budget.NAME``, or of a deviation as
     ``deviations.NAME``; empty for one that no recipe reproduces."""
     paper: Any = None
-    """The paper's value, in the field's unit; None where the paper says nothing."""
+    """The paper's value, in the field's unit; None if the paper does not state one."""
     code: Any = None
-    """The published code's value, in the field's unit; None where it is ``paper``."""
+    """The published code's value, in the field's unit; None if equal to ``paper``."""
     remark: str = ""
     """Source, unit, slip that was mended, or the reason why it is not reproduced and the size of the difference."""
 

@@ -58,7 +58,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
     def __init__(self, run: Run[Variant, Budget], made: Mapping[str, Any], planning: Planning | None = None) -> None:
         """``made``: what ``start.make_start`` returned. The stage goes on with the random numbers of its generator.
 
-        ``planning``: decides about effects; None: they are those of the variant.
+        ``planning``: decides about effects; None: the variant's effects.
         """
         variant = run.variant
         super().__init__(run, run.budget.inverse_iterations, variant.view_share)
@@ -109,7 +109,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         return {"consistency": self.consistency_loss(model, view), **self.image_losses(model, view)}
 
     def consistency_loss(self, model: Model, view: TrainingView) -> Tensor:
-        """Weighted L_rad. With weight 0 it has no gradient, but the light that it traces is cached all the same."""
+        """Weighted L_rad. With weight 0 it has no gradient, but the traced light is still cached."""
         weight = self.variant.radiometric_weight
         with torch.set_grad_enabled(weight > 0):
             return weight * self.shader.consistency(model, view.camera, self.iteration)
@@ -141,7 +141,7 @@ class InverseRendering(SurfelStage[Variant, Budget]):
         return {**losses, **self._light_losses(model, light)}
 
     def _light_losses(self, model: Model, light: PrefilteredLight) -> dict[str, Tensor]:
-        """The weighted losses of a light that is learnt; none for one that is held, which they have no gradient to."""
+        """The weighted losses of a learnt light; none for a light that is held, to which they have no gradient."""
         if not model.log_environment.requires_grad:
             return {}
         weights, normal = self.variant.materials.weights, model.surfels.frame[..., 2].detach()

@@ -1,6 +1,6 @@
 """Settings for learning materials and light: every weight, rate, share and initial value.
 
-Defaults are those of the recipe ``recommended`` (``recipes``). Shares are shares of the stage's iterations.
+Defaults are the recipe ``recommended`` (``recipes``). Shares are shares of the stage's iterations.
 ``radiogs_core.learning.geometry`` has the settings for surfels.
 """
 
@@ -18,7 +18,7 @@ class SplitSumLearning:
     """Settings of stage 1 for materials and light, which it learns by split-sum shading."""
 
     image: float = 0.1
-    """Weight of the image loss of the split sum; that of the surfels' radiance has weight 1 (paper: 1 for both)."""
+    """Weight of the split sum's image loss; the image loss of the surfels' radiance has weight 1 (paper: both 1)."""
     geometry_gradient: bool = False
     """Whether the losses of the split sum have gradient to the surfels' positions, rotations, scales and opacities
     (paper: yes). Without it they have gradient to materials, light and the surfels' own radiance alone. The split sum
@@ -60,11 +60,11 @@ class MaterialWeights(NotNegative):
     mask: float = 0.02
     """Weight of the cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.01
-    """Weight of the differences of neighbouring normals where the image has no edges."""
+    """Weight of the edge-aware smoothness of normals: differences of neighbours, except at edges of the image."""
     albedo_smoothness: float = 1.0
-    """Weight of the differences of neighbouring albedo where the image has no edges."""
+    """Weight of the edge-aware smoothness of albedo: differences of neighbours, except at edges of the image."""
     roughness_smoothness: float = 0.1
-    """Weight of the differences of neighbouring roughness where the image has no edges."""
+    """Weight of the edge-aware smoothness of roughness: differences of neighbours, except at edges of the image."""
     light_prior: float = 0.01
     """Weight of the distance of the irradiance's channels from their mean: light is nearly white."""
     light_smoothness: float = 0.005
@@ -73,11 +73,11 @@ class MaterialWeights(NotNegative):
 
 @dataclass(frozen=True)
 class MaterialRates(NotNegative):
-    """Adam's learning rates in stage 2; those of albedo and roughness are the paper's.
+    """Adam's learning rates in stage 2; the rates of albedo and roughness are the paper's.
 
     A light that was searched for (``LightStart``) is held. Learnt in stage 2 it drifts, and albedo with it: after 3,000
-    steps at a rate of 0.0005 albedo and relighting were worse than after 600 on most scenes that nothing was chosen on,
-    and with the light held they were not.
+    steps at a rate of 0.0005 albedo and relighting were worse than after 600 on most held-out scenes, but not with the
+    light held.
     """
 
     albedo: float = 0.005
@@ -128,12 +128,12 @@ class IncidentDirections:
 
     from_light: float = 0.5
     """Share of the N_s directions of a set that is drawn from the light, weighted by the balance heuristic; the others
-    are spread over the hemisphere (paper: all of them). Spread alone they seldom meet a sun, and what L_PBR lacks goes
-    into the radiance of the surfels around, and into albedo."""
+    are spread over the hemisphere (paper: all of them). Spread directions alone seldom meet a sun; then the light
+    missing from L_PBR goes into the radiance of surrounding surfels, and into albedo."""
     sets: Literal[1, 2] = 2
     """Number of independent sets of N_s cached directions (paper: one). With two, each has an image of its own, and the
-    residual of one image pulls on the other (``losses.crossed``): with one, the noise of its directions is minimised as
-    well. L_rad traces N_s rays of each of its surfels in either case, for the sets in turn."""
+    residual of one image drives the other's gradient (``losses.crossed``): with one, the noise of its directions is
+    minimised as well. L_rad traces N_s rays of each of its surfels in either case, for the sets in turn."""
 
     def __post_init__(self) -> None:
         require(self, "between 0 and 1", "from_light")

@@ -30,13 +30,13 @@ from .showing import TrainedRadioGS
 from .start import StartSettings, make_start
 
 RECOMMENDED = "recommended"
-"""The recipe with the values of the defaults, which has no published length."""
+"""The recipe with the default values; it has no published length."""
 
 
 class RadioGS:
     """RadioGS (ICLR 2026): see ``radiogs_core.contract.Method``.
 
-    ``recipes`` are the paper's values, those of the published code, and the recommended ones, which are the defaults
+    ``recipes`` are the paper's values, the published code's values, and the recommended values, which are the defaults
     (``radiogs_core.capabilities.OffersRecipes``). The method accepts every part of the truth
     (``radiogs_core.capabilities.TakesGiven``).
     """

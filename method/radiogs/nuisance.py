@@ -50,12 +50,12 @@ roughness, a slope of 0.1 of the normal (6 degrees), and a quarter of a light's 
 def turned(
     frame: Float[Tensor, "surfels 3 3"], slope: Float[Tensor, "surfels 2"] | Float[Tensor, "2"]
 ) -> Float[Tensor, "surfels 3"]:
-    """Unit normals in the world: those of the frames, tilted by ``slope`` along the first two axes."""
+    """Unit normals in the world: the frames' normals, tilted by ``slope`` along the first two axes."""
     return normalize(frame[..., 2] + (frame[..., :2] * slope[..., None, :]).sum(-1), dim=-1)
 
 
 LIGHT_ROWS = 8
-"""Rows of the blocks in which a light answers, and half their columns, at most: all texels of a block by one factor."""
+"""Most rows of blocks in which a light may change, with twice as many columns: one factor for all texels of a block."""
 
 TOGETHER = 256
 """Surfels whose light is assigned to blocks at once."""
@@ -149,11 +149,11 @@ class Jacobian:
     seen: Int[Tensor, " seen"]
     """Surfels that a camera sees; all others have no parameters."""
     to_albedo: Float[Tensor, "cameras seen 3"]
-    """Derivative of a surfel's radiance, linear RGB, to its albedo; those to roughness and slope follow."""
+    """Derivative of a surfel's radiance, linear RGB, to its albedo; derivatives to roughness and slope follow."""
     to_roughness: Float[Tensor, "cameras seen 3"]
     to_slope: Float[Tensor, "cameras seen 3 2"]
     to_light: Float[Tensor, "3 cameras seen blocks"]
-    """The same to the logarithm of the light's blocks, by channel; no block if the light does not answer."""
+    """Derivative to the logarithm of the light's blocks, by channel; no block if the light is fixed."""
     blendings: Sequence[Blending]
 
     @torch.no_grad()

@@ -34,11 +34,11 @@ from radiogs_core.transport.tracer import SurfelTracer, incident_along
 from .rays import Nearest
 
 SPACING = 0.0125
-"""Distance between true surfels in units of the scene's extent; ``corner`` has 14,000 of them."""
+"""Distance between true surfels in units of the scene's extent; ``corner`` has 14,000 surfels."""
 
 DARKEST = 1e-4
 """Share of the light's mean to which darker texels are raised, because the logarithm of the light is stored. A share of
-its maximum would be more light than that of a whole sky beside a sun."""
+its maximum could exceed the light of a whole sky beside a sun."""
 
 FROZEN: Mapping[str, tuple[str, ...]] = {
     "geometry": ("centre", "rotation"),
@@ -140,7 +140,7 @@ MOST_SWEEPS = 60
 """Largest number of sweeps; a closed room of albedo 0.9 needs fewer."""
 
 CHECKED, CHECKED_SAMPLES = 1024, 1024
-"""Number of surfels whose residual is measured, and number of directions: so many that little of it is noise."""
+"""Number of surfels whose residual is measured, and number of their directions, enough for little noise."""
 
 
 @torch.no_grad()

@@ -49,7 +49,7 @@ class Nearest:
 class KnownIndirectTracer(SurfelTracer):
     """Traces V through a model's surfels, and L_ind through the true ones.
 
-    A ray of L_ind starts at the nearest true surfel, so that a surfel a little below the surface is not in the dark.
+    A ray of L_ind starts at the nearest true surfel, so that a surfel slightly below the surface still receives light.
     No light arrives from below the true surface. L_ind has no gradient. ``true``: surfels on the true surfaces, with
     their solved radiance (``oracle.known_radiance``).
     """

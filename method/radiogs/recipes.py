@@ -1,12 +1,12 @@
 """The recipes of RadioGS: all settings as the paper prints them, as the published code has them, and as recommended.
 
 A recipe is a set of values for fields of ``Variant``; the length of a run is that of its preset. ``printed`` has the
-paper's values. Where the paper says nothing it has those of 2DGS, which the paper follows, and else those of the
-published code; the starting points alone are of this project, because random points of a cube need the paper's number
-of surfels (``constants``). Two slips of the paper are mended: V is the transmittance, not 1 - T_trace, and the sparsity
-loss, which is unbounded below, is the cross-entropy between coverage and the mask. ``released`` has the values of the
+paper's values. Values that the paper does not state come from 2DGS, which the paper follows, else from the published
+code; only the starting points are this project's, because random points of a cube need the paper's number of surfels
+(``constants``). Two slips of the paper are mended: V is the transmittance, not 1 - T_trace, and the sparsity loss,
+which is unbounded below, is the cross-entropy between coverage and the mask. ``released`` has the values of the
 published scripts, which differ between scenes. ``recommended`` is the default of ``Variant``. ``constants`` lists every
-value with its source, and what no recipe reproduces.
+value with its source, and values that no recipe reproduces.
 """
 
 from collections.abc import Mapping
@@ -38,7 +38,7 @@ class Recipe:
 
 
 UNSAID: tuple[str, ...] = ("fixed-offset", "one-sided-rays", "start-light", "spread-views")
-"""Deviations about whose subject the paper says nothing, so that ``printed`` has them too."""
+"""Deviations on whose subject the paper is silent, so that ``printed`` includes them."""
 
 PRINTED: Values = {
     "deviations": UNSAID,
@@ -137,7 +137,7 @@ RECIPES: Mapping[str, Recipe] = {
 """The recipes by name."""
 
 PUBLISHED = "printed"
-"""The recipe that stands for the published method in tables."""
+"""The recipe that tables call by the published method's name."""
 
 
 def recipe_values(name: str, layout: str, scene: str) -> dict[str, Any]:

@@ -91,7 +91,7 @@ def _shortened(variant: Variant) -> Variant:
 def _density_kinds(variant: Variant, budget: Budget) -> tuple[StepKind, ...]:
     """Steps of stage 1 with a round of density control, and with the search for hidden surfels in all views.
 
-    A step with both counts as one of each, because their additional times add up.
+    A step with both counts as one of each, because their extra times add.
     """
     rules = variant.geometry.density
     rounds = frozenset(
@@ -108,6 +108,6 @@ def _density_kinds(variant: Variant, budget: Budget) -> tuple[StepKind, ...]:
 
 
 def _kinds(rare: tuple[StepKind, ...], steps: int, short: int) -> tuple[StepKind, ...]:
-    """The usual steps of a stage, and the kinds of ``rare`` ones that occur."""
+    """The usual steps of a stage, and each kind of ``rare`` steps that occurs."""
     usual = frozenset(range(short)).difference(*(kind.steps for kind in rare))
     return StepKind("step", usual, steps - sum(kind.whole for kind in rare)), *(kind for kind in rare if kind.steps)

@@ -1,7 +1,7 @@
 """Settings of RadioGS: the budget of a run, the variants of ablations, and the deviations of the released code.
 
 Every row of the paper's ablations is a value of ``Variant``'s fields, not a code path; ``learning`` has the weights,
-rates and initial values; ``recipes`` has all of them as printed, as released and as recommended.
+rates and initial values; ``recipes`` has all of them by recipe.
 """
 
 from collections.abc import Mapping
@@ -142,8 +142,8 @@ START_RADIANCE = 1.5
 Relighting = Literal["pbr", "bounces", "finetuned", "surfels", "path"]
 """Mode of relighting. "pbr": by rays whose L_ind is the split sum at their hits. "bounces": by rays whose L_ind is
 gathered bounce by bounce over the same rays. "finetuned": by rays whose L_ind is the radiance of surfels that were
-fine-tuned under the new light. "surfels": by splatting the fine-tuned radiance. "path": by path tracing, the reference,
-with all effects."""
+fine-tuned under the new light. "surfels": by splatting the fine-tuned radiance. "path": by path tracing with all
+effects, the reference."""
 
 PATH: Relighting = "path"
 """The mode of the reference."""
@@ -181,7 +181,7 @@ class Variant(SurfelVariant):
     radiometric_weight: float = 0.2
     """Weight lambda_rad of L_rad in stage 2 (paper: 0.2)."""
     detach: Literal["none", "pbr", "surfel"] = "none"
-    """Side of the residual L_G - L_PBR without gradient: neither ("none"), L_PBR ("pbr") or L_G ("surfel")."""
+    """Side of the residual L_G - L_PBR that has no gradient: neither ("none"), L_PBR ("pbr") or L_G ("surfel")."""
     initialise: Literal["radiometric", "nvs"] = "radiometric"
     """Stage 1 with the simplified radiometric consistency ("radiometric"), or novel-view synthesis alone ("nvs")."""
     shading: Shading = "monte-carlo"

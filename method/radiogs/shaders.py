@@ -53,21 +53,21 @@ class Shader(ABC):
 
 @dataclass(frozen=True)
 class Arriving:
-    """V Env + L_ind of all cached samples under a light that is not learnt, and what it was computed from."""
+    """V Env + L_ind of all cached samples under a fixed light, and the inputs that it was computed from."""
 
     radiance: Float[Tensor, "surfels samples 3"]
     """The incident radiance, linear RGB."""
     indirect: Float[Tensor, "surfels samples 3"]
     """The cached L_ind, which holds other samples after each tracing of all surfels."""
     traced_at: int
-    """The step of that tracing."""
+    """The step at which all surfels were last traced."""
     log_environment: Float[Tensor, "height width 3"]
     """The light."""
     version: int
     """How often the light had been changed in place."""
 
     def stands(self, cache: IncidentCache, light: Float[Tensor, "height width 3"]) -> bool:
-        """Whether it is still that of a cache, and of a light given by its logarithm."""
+        """Whether the inputs are still the given cache's and light's."""
         traced = self.indirect is cache.incident.radiance and self.traced_at == cache.traced_at
         return traced and self.log_environment is light and self.version == light._version
 
@@ -121,7 +121,7 @@ class MonteCarlo(Shader):
         count, samples = incident.weight.shape
 
         def by_set(value: Tensor) -> Tensor:
-            """The samples of each set as those of a surfel of their own."""
+            """The samples of each set, as if each set belonged to a surfel of its own."""
             return value.view(sets * count, samples // sets, *value.shape[2:])
 
         sums = shade_total(
@@ -133,7 +133,7 @@ class MonteCarlo(Shader):
         return sums.view(count, sets, 3) if sets == 1 else sets * sums.view(count, sets, 3)
 
     def arrived(self, model: Model) -> Float[Tensor, "surfels samples 3"]:
-        """V Env + L_ind of all cached samples, under a light that is not learnt; steps keep it, but for new rays."""
+        """V Env + L_ind of all cached samples under a fixed light; kept between steps until new rays are traced."""
         incident, light = self.cache.incident, model.log_environment
         if self.arriving is None or not self.arriving.stands(self.cache, light):
             made, every = torch.empty_like(incident.radiance), torch.arange(len(incident.weight), device=light.device)

@@ -38,9 +38,9 @@ class StartSettings:
     values: StartValues
     """Initial values, and the settings of the search."""
     released: bool
-    """Whether the light is that of the deviation ``start-light``."""
+    """Whether the light starts as with the deviation ``start-light``."""
     true_geometry: bool
-    """Whether true surfels take the place of the learnt ones."""
+    """Whether true surfels replace the learnt ones."""
     two_sided: bool
     """Whether rays hit surfels from behind."""
     visibility: bool

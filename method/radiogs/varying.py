@@ -31,13 +31,13 @@ FREE_UNLESS_GIVEN: Mapping[str, tuple[str, ...]] = {
     "brightness": ("light", "albedo"),
     "brightness, albedo free": ("light", "albedo"),
 }
-"""By quantity: the parts of the truth that fix it if one of them is given (``Variant.given``)."""
+"""By quantity: the parts of the truth that fix it if given (``Variant.given``)."""
 
 BRIGHTNESS = ("brightness", "brightness, albedo free")
 """The quantities that change the light."""
 
 DIFFERENCE = 0.02
-"""Change of roughness, and of the normal's slope, over which the difference of radiance stands for the derivative."""
+"""Change of roughness, and of the normal's slope, for the finite differences that approximate derivatives."""
 
 
 class Changed(NamedTuple):
@@ -131,7 +131,7 @@ class VaryingRadioGS:
 
     @torch.no_grad()
     def _answered(self, quantity: str, amount: float, answer: Answer) -> list[Float[Tensor, "height width 3"]]:
-        """Images with a quantity changed, and everything else by an answer of the surfels that cameras see."""
+        """Images with a quantity changed, and everything else by an answer for the surfels that cameras see."""
         key = quantity, amount
         albedo, roughness, light = self.changed[key] if key in self.changed else self._change(*key)[0]
         seen = self._jacobian.seen
@@ -146,7 +146,7 @@ class VaryingRadioGS:
     @cached_property
     @torch.no_grad()
     def _jacobian(self) -> Jacobian:
-        """The images around the recovered model; for split-sum shading the light has no part in it."""
+        """The Jacobian of the images at the recovered model; for split-sum shading the light is not part of it."""
         seen = torch.nonzero(self.weight.sum(0) > 0)[:, 0]
         here = self.albedo * self.unit + self.rest
         inwards = torch.where(self.roughness > 0.5, -DIFFERENCE, DIFFERENCE)
@@ -176,7 +176,7 @@ class VaryingRadioGS:
             )
 
     def _change(self, quantity: str, amount: float) -> tuple[Changed, Float[Tensor, "cameras surfels 3"]]:
-        """The model with a quantity changed, its albedo compensating what it can, and its radiance, linear RGB."""
+        """The model with a quantity changed and its albedo compensating it, and its radiance, linear RGB."""
         if amount == 0:
             return Changed(self.albedo, self.roughness, self.light), self.albedo * self.unit + self.rest
         roughness, light, factor = self.roughness, self.light, 1.0

@@ -91,9 +91,9 @@ class RelitByReference(Protocol):
     def reference(
         self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
     ) -> Prepared:
-        """The model under ``light`` in the reference mode, with other random numbers than ``Trained.prepare`` draws.
+        """The model under ``light`` in the reference mode, with random numbers independent of ``Trained.prepare``.
 
-        The arguments are those of ``Trained.prepare``.
+        For the arguments see ``Trained.prepare``.
         """
 
 
@@ -125,9 +125,9 @@ class EffectRecord:
     measured: Mapping[str, float | None] | None
     """Measurements by name; None if nothing was measured.
 
-    A value is None where it is not finite. ``contribution``: estimated loss without the effect, dB of PSNR; ``lowest``
-    and ``bound``: its lower and upper bounds; ``worst``: the loss under the worst correlation of errors, dB. ``rays``:
-    rays that a step saves without the effect; ``share``: share of a step's work that it saves.
+    A value is None if it is not finite. ``contribution``: estimated loss without the effect, dB of PSNR; ``lowest`` and
+    ``bound``: its lower and upper bounds; ``worst``: the loss under the worst correlation of errors, dB. ``rays``: rays
+    that a step saves without the effect; ``share``: share of a step's work that it saves.
     """
 
 
@@ -170,7 +170,7 @@ class Probe:
 
 @runtime_checkable
 class Probing(Protocol):
-    """A method that can measure which effects are needed; a method that always simulates all of them offers none."""
+    """A method that can measure which effects are needed; methods that always simulate all do not offer it."""
 
     def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
         """The effects that training on the run's scene needs, or, with a ``light``, relighting by it.
@@ -199,9 +199,9 @@ class Relighting:
     title: str
     """Title in tables."""
     variant: Any
-    """The variant that relights this way. All of them share one trained model."""
+    """The variant that relights this way; all ways share one trained model."""
     whole: int
-    """Steps of its preparation in the whole run; those of the short run are counted while they run."""
+    """Steps of its preparation in the whole run; steps of the short run are counted as they run."""
 
 
 @dataclass(frozen=True)
@@ -255,10 +255,10 @@ Quantity = Literal["roughness", "roughness variation", "brightness", "brightness
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 """Quantities that images may fail to determine, with the unit in which their change is given.
 
-roughness: a number that is added to the roughness of every surface. roughness variation: the share of the way that
-every roughness moves to the mean (1: all are equal, -1: twice as far from it). brightness: the natural logarithm of the
-factor by which all albedo is multiplied and the light is divided. brightness, albedo free: the logarithm of the divisor
-of the light, while each albedo takes the value that hides this change best."""
+roughness: a number that is added to the roughness of every surface. roughness variation: the share of its distance to
+the mean by which every roughness moves towards the mean (1: all are equal, -1: twice as far from it). brightness: the
+natural logarithm of the factor by which all albedo is multiplied and the light is divided. brightness, albedo free: the
+logarithm of the divisor of the light, while each albedo takes the value that hides this change best."""
 
 
 @runtime_checkable
@@ -294,7 +294,7 @@ class Nuisance(Protocol):
 
     @property
     def scale(self) -> Float[Tensor, " parameters"]:
-        """About the answer by which each parameter on its own changes the images equally (Jacobi preconditioner)."""
+        """Size of the answer at which each parameter alone changes the images about equally (Jacobi preconditioner)."""
 
     def change(self, answer: Float[Tensor, " parameters"]) -> list[Float[Tensor, "height width 3"]]:
         """The linearised change of each image by an answer: the product with the Jacobian, display sRGB."""

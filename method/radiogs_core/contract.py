@@ -75,8 +75,8 @@ class Stage(Protocol):
     """A resumable optimisation: steps after ``restore`` give the same results as steps without an interruption.
 
     A stage that waits for another process may return from ``step`` with an unchanged ``iteration``, at least twice a
-    second, so that the harness can stop it, and not at once: its cell ends where it does so many times in a row. A
-    stage with resources besides memory may be ``capabilities.Closing``.
+    second, so that the harness can stop it, but not immediately: many immediate returns in a row end its cell. A stage
+    with resources besides memory may be ``capabilities.Closing``.
     """
 
     iteration: int
@@ -111,7 +111,7 @@ class SharedStart(Generic[VariantT, BudgetT]):
     reads: Mapping[str, Any]
     """The fields of variant and budget that decide the product, with their values."""
     sources: tuple[str, ...]
-    """Names of modules whose files, with those of all modules that they import, decide the product."""
+    """Names of modules that decide the product, together with all modules that they import."""
     make: Callable[[Run[VariantT, BudgetT], Mapping[str, Any]], dict[str, Any]]
     """Makes the product, tensors and plain values, from a run and the product of the previous stage.
 
@@ -138,11 +138,11 @@ class StageSpec(Generic[VariantT, BudgetT]):
     reads: Mapping[str, Any]
     """The fields of variant and budget that decide the stage's outcome, with their values."""
     sources: tuple[str, ...]
-    """Names of modules whose files, with those of all modules that they import, decide the stage's outcome."""
+    """Names of modules that decide the stage's outcome, together with all modules that they import."""
     begin: Callable[[Run[VariantT, BudgetT], Mapping[str, Any]], Stage]
     """Makes the stage from a run and the product of the previous stage (empty for the first one)."""
     compiles: bool = False
-    """Whether the first step compiles kernels; if so, one untimed step runs before the timed ones."""
+    """Whether the first step compiles kernels; if so, an untimed step runs before the timed steps."""
     keeps_files: bool = False
     """Whether the outcome consists of files in ``Run.workspace``; if so, later stages run on the same machine."""
     uses_surfaces: bool = False
@@ -236,8 +236,8 @@ class Trained(Protocol):
 class Method(Protocol[VariantT, BudgetT]):
     """A method of inverse rendering, generic in its dataclasses of variants and budgets.
 
-    A method that says ``class Mine(Method[MyVariant, MyBudget])`` has its fields checked by the type checker; the
-    harness takes any object with these members.
+    The type checker checks the fields of a method declared as ``class Mine(Method[MyVariant, MyBudget])``; the harness
+    takes any object with these members.
     """
 
     @property
@@ -296,7 +296,7 @@ def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
 
     Names of nested fields are dotted, such as ``geometry.steps``. A budget with renamed fields lists them in
     ``renamed``, from the old name to the new one; an old name works and gives a warning. Raises UsageError for a name
-    that is no whole number of the budget, for a factor that is not finite, and for a product below 1 or above
+    that is not a whole number of the budget, for a factor that is not finite, and for a product below 1 or above
     LARGEST_COUNT.
     """
     if not factors:

@@ -5,7 +5,7 @@ from difflib import get_close_matches
 
 
 class ExplainedError(Exception):
-    """An error whose message says what to do next.
+    """An error whose message includes the next step to take.
 
     ``what`` names the object and the value; ``why`` gives the reason; ``remedy`` gives the next step. Each is one line
     of the message, and an empty one is left out.

@@ -1,4 +1,4 @@
-"""Quantiles of any number of values, exactly: ``torch.quantile`` refuses more than 2^24 of them, and sorts a copy."""
+"""Quantiles of any number of values, exactly: ``torch.quantile`` refuses more than 2^24 values, and sorts a copy."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -54,5 +54,5 @@ def _bin_of(counts: Int[Tensor, " bins"], rank: int) -> tuple[int, int]:
 
 
 def _ordered(bits: Int[Tensor, " *any"]) -> Int[Tensor, " *any"]:
-    """Bits of float32 as whole numbers in the order of the values, and back: negative ones count downwards."""
+    """Converts bits of float32 to integers in the order of the values, and back: negative values count downwards."""
     return bits ^ ((bits >> 31) & 0x7FFFFFFF)

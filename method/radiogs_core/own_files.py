@@ -1,4 +1,4 @@
-"""Paths below a folder that somebody named, to be written: none of them is a link, which could lead anywhere."""
+"""Paths to write below a folder that somebody named: links, which could lead anywhere, are refused."""
 
 from pathlib import Path
 
@@ -6,9 +6,9 @@ from .errors import UsageError
 
 
 def fresh(path: Path, within: Path) -> Path:
-    """A path below ``within`` that can be written: its folders are there and its own, and no link stands in its place.
+    """A writable path below ``within``: its folders exist, and neither they nor the path itself are links.
 
-    ``within`` itself may be a link. Raises UsageError for a folder below it that is one, and OSError.
+    ``within`` itself may be a link. Raises UsageError for a link among the folders below it, and OSError.
     """
     own_folder(path.parent, within)
     if path.is_symlink():

@@ -104,7 +104,7 @@ class PlainReader:
             self.fail(where, refused.what, refused.why, refused.remedy)
 
     def convert(self, hint: Any, value: Any, where: str) -> Any:
-        """The value as an instance of the type ``hint``. Raises UsageError if it is none."""
+        """The value as an instance of the type ``hint``. Raises UsageError if it cannot be converted."""
         origin, arguments = get_origin(hint), get_args(hint)
         if hint in self.special:
             return self.special[hint](value, where)
@@ -137,7 +137,7 @@ class PlainReader:
     def _one_of(self, arguments: tuple[Any, ...], value: Any, where: str) -> Any:
         """The value as the first type of a union that accepts it.
 
-        If only one type is a list where the value is one, or none where it is none, its own error is raised.
+        If only one type of the union agrees with the value in being a list, or not, the error of that type is raised.
         """
         if value is None and type(None) in arguments:
             return None
@@ -222,7 +222,7 @@ def _is_finite(number: Any) -> bool:
 
 
 def to_plain(value: Any) -> dict[str, Any]:
-    """A dataclass's fields after a round trip through JSON, so that they equal those of a stored result.
+    """A dataclass's fields after a round trip through JSON, equal to a stored result's fields.
 
     Raises ValueError for a value that is not finite.
     """

@@ -28,7 +28,7 @@ Method = Annotated[MethodName, Parameter(help="Measure this method.")]
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Place:
-    """Where steps are measured, and where they are written."""
+    """Where steps are measured, and where the measurements are written."""
 
     scene: SceneName = "corner"
     """Enlarge this scene to each size."""

@@ -133,7 +133,7 @@ def pose(
     Example:  radiogs-bench datasets pose path/to/capture
 
     :param photos: Pose the photos in this folder, or in its folder images/. A run that was stopped goes on.
-    :param matching: Match all pairs of photos, or those near each other in the order of names, such as a video's
+    :param matching: Match all pairs of photos, or neighbours in the order of names, as for a video
         (default: all up to 100 photos).
     :param mask_folder: Use no feature where the masks in this folder are black (default: masks/ beside the photos).
     :param threads: Use N CPU threads (default: as many as there are cores).
@@ -183,7 +183,7 @@ def convert(
 
 @dataclass(frozen=True)
 class Pictured:
-    """The views of a generated scene, and the paths of light; the fields of ``radiogs_datasets.generate.Pictures``."""
+    """Options of a generated scene's views and light paths; the fields of ``radiogs_datasets.generate.Pictures``."""
 
     size: Count = 96
     """Render N pixels on each side."""
@@ -259,15 +259,15 @@ def weights(*, to: Path | None = None, nets: Names = ()) -> None:
 
 @dataclass(frozen=True)
 class Rendered:
-    """How a .blend file is rendered; the fields of ``radiogs_datasets.blend.request.Request``."""
+    """Options of the rendering of a .blend file; the fields of ``radiogs_datasets.blend.request.Request``."""
 
     lights: Path | None = None
-    """Light the scene by the .hdr and .exr maps in this folder, Z up (default: those of the generated scenes)."""
+    """Light the scene by the .hdr and .exr maps in this folder, Z up (default: the generated scenes' maps)."""
     training_light: str | None = None
     """Light the training views by this map (default: 'training', else the first)."""
     cameras: str = "published"
-    """Place cameras on NeRF-synthetic's sphere ('published'), around the scene ('fit'), or as the transforms files in a
-    folder say."""
+    """Place cameras on NeRF-synthetic's sphere ('published'), around the scene ('fit'), or as in a folder's transforms
+    files."""
     train: Annotated[Count, Parameter(name="--views")] = 100
     """Render N training views."""
     test: Count = 20

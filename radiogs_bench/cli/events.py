@@ -28,7 +28,7 @@ def emit(event: str, **details: Any) -> None:
 
 @contextmanager
 def errors_told(as_events: bool) -> Iterator[None]:
-    """Write the error that ends the block as an event, too, if it is wanted; stderr explains it in words."""
+    """Write an error that ends the block also as an event, if events are wanted; stderr has the message for people."""
     try:
         yield
     except ExplainedError as error:
@@ -73,7 +73,7 @@ class EventProgress:
         emit("message", text=line)
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Write the steps of a task as an event; when cells are counted, also those that have ended since."""
+        """Write the steps of a task as an event; when cells are counted, also cells that have ended since."""
         if task == "cells":
             self._look()
         now = self.clock()

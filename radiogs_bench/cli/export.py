@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import torch
 
 Form = Literal["csv", "json", "parquet", "tensorboard", "wandb", "3dgs-ply", "2dgs-ply", "supersplat", "gltf", "obj"]
-"""A table of metrics, training curves for a logger, a file of surfels, or a mesh with textures."""
+"""Forms of export: a table of metrics, training curves for a logger, a file of surfels, or a mesh with textures."""
 
 MESH = Group("A model of `train` as a mesh", sort_key=1)
 LAYOUT = Group("The test views of a model of `train` as files (docs/protocols.md)", sort_key=1)

@@ -58,7 +58,7 @@ class Placing:
 
     @property
     def marks(self) -> str:
-        """The ending of a folder of renders that names these options; empty where none is given."""
+        """Ending of the name of a folder of renders, which names these options; empty if none is given."""
         up = "" if self.up is None else "_up" + ",".join(f"{each:g}" for each in self.up)
         turn = f"_turn{self.turn:g}" if self.turn else ""
         return f"{up}{turn}" + (f"_strength{self.strength:g}" if self.strength != 1 else "")
@@ -71,13 +71,13 @@ FORMS = {
     "spot": "X,Y,Z,TO_X,TO_Y,TO_Z,INNER,OUTER[,INTENSITY]",
     "sun": "AZIMUTH,ELEVATION[,INTENSITY]",
 }
-"""How each kind of lamp is written as an option; its intensity is one number or one for each channel."""
+"""How each kind of lamp is written as an option; its intensity is one number, or one number per channel."""
 
 
 def lamp(kind: str, text: str) -> "tuple[str, Lamp]":
-    """A lamp from a list of numbers in the form of its kind, and the name that folders of renders have of it.
+    """Parse a lamp from a list of numbers in the form of its kind; also returns the lamp's name in folders of renders.
 
-    Raises ValueError for a list of another form, and for a lamp that is refused.
+    Raises ValueError for a list of another form or an invalid lamp.
     """
     from radiogs_core.scene.lamps import PointLamp, SpotLamp, Sun
 
@@ -129,7 +129,7 @@ class Lamps:
         return [name for name, _ in (*self.point, *self.spot, *self.sun)]
 
     def found(self) -> "list[Lamp]":
-        """All lamps, those of the file first. Raises UsageError and DataError as ``read_lamps`` does."""
+        """All lamps, the file's first. Raises UsageError and DataError as ``read_lamps`` does."""
         from radiogs_datasets.lights import read_lamps
 
         read = () if self.light is None else read_lamps(self.light)
@@ -140,7 +140,7 @@ NO_LAMPS = Lamps()
 
 
 def placed(placing: Placing, scene: "Scene", light: "EnvironmentMap") -> "tuple[EnvironmentMap, str]":
-    """The light of a file in the scene's world, and a sentence on how it lies there."""
+    """A file's light in the scene's world, and a sentence on its orientation there."""
     from radiogs_core.scene.placed_light import placed_light
 
     stood, to_map = placed_light(light, up_of(placing, scene), placing.turn, placing.strength)
@@ -149,7 +149,7 @@ def placed(placing: Placing, scene: "Scene", light: "EnvironmentMap") -> "tuple[
 
 
 def placed_lamps(placing: Placing, scene: "Scene", lamps: "Sequence[Lamp]") -> "tuple[tuple[Lamp, ...], list[str]]":
-    """Lamps with the strength of ``placing``, suns in the scene's world, and sentences on how they stand there."""
+    """Lamps times the strength of ``placing``, suns turned into the scene's world, and sentences on both."""
     from radiogs_core.scene.lamps import Sun
     from radiogs_core.scene.placed_light import rotation_to_map
 
@@ -161,7 +161,7 @@ def placed_lamps(placing: Placing, scene: "Scene", lamps: "Sequence[Lamp]") -> "
 
 
 def up_of(placing: Placing, scene: "Scene") -> "Float[Tensor, '3']":
-    """The upward direction of the scene's world, in which lights stand."""
+    """The upward direction of the scene's world, by which lights are oriented."""
     import torch
 
     from ..initial_viewpoint import upwards
@@ -170,12 +170,12 @@ def up_of(placing: Placing, scene: "Scene") -> "Float[Tensor, '3']":
 
 
 def another_up(placing: Placing) -> str:
-    """How to choose another upward direction, after a sentence on the one that was found."""
+    """A sentence on the upward direction that was found, followed by how to choose another one."""
     return "" if placing.up is not None else "; another up: --up AXIS"
 
 
 def named(direction: "Float[Tensor, '3']") -> str:
-    """A unit direction, by the name of the axis that it lies on."""
+    """Name of the axis that a unit direction lies along, else its components."""
     for name, values in AXES.items():
         along = sum(float(each) * value for each, value in zip(direction, values, strict=True))
         if abs(along) > 1 - 1e-6:

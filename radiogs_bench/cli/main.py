@@ -60,7 +60,7 @@ COMMANDS = {
 
 
 def shown_default(value: Any) -> str | None:
-    """The default value of an option in its help; None where there is none, and for a flag."""
+    """The default value that an option's help prints; None for a flag or an option without a default."""
     if value is None or value is False or value in ("", (), {}):
         return None
     return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
@@ -95,14 +95,14 @@ def launch(
 
 
 def values_of(given: BoundArguments) -> dict[str, Any]:
-    """The values of a command's arguments and options that were given, by name; those of a group of options are all."""
+    """Values of the arguments and options that were given, by name; of a group of options, all its values."""
     groups = [vars(value) for value in given.arguments.values() if is_dataclass(value)]
     return dict(ChainMap({**given.arguments}, *groups))
 
 
 @contextmanager
 def trusting_named(given: Mapping[str, Any]) -> Iterator[None]:
-    """Trust the methods' files of a command, and print what those in ``trust`` run. Raises DataError or UsageError."""
+    """Trust a command's methods' files, and print commands of those in ``trust``. Raises DataError or UsageError."""
     named = given.get("method") or ()
     chosen = (named,) if isinstance(named, str) else named
     with trusting(chosen), trusting(given.get("trust", ())) as added:
@@ -125,7 +125,7 @@ def commands_of(file: "MethodFile") -> list[str]:
 
 
 def parsed(by: App, words: Sequence[str]) -> tuple[Callable[..., Any], BoundArguments]:
-    """The function that a line calls, and its arguments. Raises UsageError for a line that is none."""
+    """The function that a command line calls, and its arguments. Raises UsageError for an invalid line."""
     try:
         command, given, _ = by.parse_args(words, exit_on_error=False, print_error=False)
     except CycloptsError as error:
@@ -188,7 +188,7 @@ def answered(command: Callable[[], int], verbose: bool) -> int:
 
 
 def execute(words: Sequence[str]) -> int:
-    """Run the command of a line; returns its exit code. Raises UsageError for a wrong one, and what ends a command."""
+    """Execute a command line; returns its exit code. Raises UsageError for a wrong line, and the command's errors."""
     if not words or words[0] in app.help_flags:
         app.resolved_commands()  # the list of commands has a sentence of each
     command, given = parsed(app.meta, words)

@@ -64,7 +64,7 @@ def check(
     as_json: Json = False,
     on: Computing = ON_CPU,
 ) -> int:
-    """Train a method, and say whether it does all that a method has to; the exit code is 1 if not.
+    """Train a method, and check that it keeps its contract; the exit code is 1 if not.
 
     Example:  radiogs-bench methods check my-method --scene corner
 
@@ -111,7 +111,7 @@ def _show_recipes(name: str | None) -> int:
 
 
 def _list_all() -> int:
-    """Print what every method is called and which package offers it; none of them is loaded."""
+    """Print the name of every method and the package that offers it; no method is loaded."""
     from ..installed_methods import method_names, origin
 
     names = method_names()

@@ -89,7 +89,7 @@ class Computing:
     """Use N CPU threads (default: as many as there are cores)."""
 
     def use(self) -> "torch.device":
-        """The device, with the number of CPU threads set. Raises UsageError where there is none."""
+        """Set the number of CPU threads; returns the device. Raises UsageError if the device is missing."""
         from ..device import use
 
         return use(self.device, self.threads)
@@ -113,7 +113,7 @@ class Changes:
     """Take all settings from this recipe of the method: RadioGS has printed (the paper's values), released (the
     published code's) and recommended, its default."""
     effects: EffectsChoice = "all"
-    """Simulate all effects, those that the scene needs (auto), or the ones in this list."""
+    """Simulate all effects, only the needed ones (auto), or the ones in this list."""
     settings: Annotated[
         tuple[tuple[str, Any], ...], from_every_text(setting), Parameter(name="--set", metavar="FIELD=VALUE")
     ] = ()

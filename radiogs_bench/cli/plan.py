@@ -1,4 +1,4 @@
-"""Says what a run will take, and what it could show, before it begins (``run --dry-run``)."""
+"""Shows a run's time, memory and resolvable differences before it begins (``run --dry-run``)."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -52,8 +52,8 @@ def show_plan(plan: RunPlan, store: Store, at_a_time: int, threads: int, wanted:
 
 
 def recorded_plan(plan: RunPlan, missing: Sequence[CellRef]) -> list[str]:
-    """Sentences on what these cells took, and what the run could show, in the suite's record of the same preset, recipe
-    and protocol; none where there is no such record with all their rows."""
+    """Sentences on the cost of these cells and the differences that the run could resolve, from the suite's record of
+    the same preset, recipe and protocol; empty without a record that has all their rows."""
     recipe, preset = recipe_of_rows(plan.lines), preset_text(plan.preset, plan.marks)
     title, sentences = protocol(plan.protocol).title, []
     for run in records_of(plan.suite.name):

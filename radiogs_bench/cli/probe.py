@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from radiogs_core.scene.scene import Scene
 
 TRAINED = 38
-"""PSNR, dB, beside which effects of a scene are judged unless ``--psnr`` says otherwise: the mean of new views of
+"""Default of ``--psnr`` for a scene, dB: the model error beside which effects are judged. Mean PSNR of new views of
 RadioGS as recommended, preset ``tiny``, over eight scenes (docs/records/ablations.md)."""
 
 MATTERS = 0.1
@@ -104,7 +104,7 @@ def probe(
 def _probed(
     subject: str, asked: Asked, opened: SceneOptions, lit: "Callable[[Scene], EnvironmentMap | None]"
 ) -> "tuple[str, Probe]":
-    """The name of the scene or model, and its probe; ``lit``: the light that relights a scene, or None."""
+    """Probe a scene or model; returns its name and its probe. ``lit``: the light that relights a scene, or None."""
     from radiogs_core.contract import Run
     from radiogs_datasets import load_scene
 
@@ -145,13 +145,13 @@ def _probing(name: str) -> "Probing":
 
 
 def loss_beside(decibel: float, mse: float, psnr: float) -> float:
-    """A loss of ``decibel`` beside an error ``mse``, in dB beside the error of a model of that ``psnr``."""
+    """A loss of ``decibel`` beside the error ``mse``, converted to dB beside the error of a model of that ``psnr``."""
     lost = max(0.0, 10 ** (decibel / 10) - 1) * mse
     return 10 * math.log10(1 + lost * 10 ** (psnr / 10))
 
 
 def _show(name: str, found: "Probe", psnr: int | None) -> None:
-    """Print the table; if a ``psnr`` is given, also what each effect is worth beside a model of it."""
+    """Print the table; given a ``psnr``, also each effect's loss beside a model of that PSNR."""
     from rich.table import Table
 
     beside = [] if psnr is None else [f"beside {psnr} dB"]

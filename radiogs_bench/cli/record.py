@@ -1,4 +1,4 @@
-"""``radiogs-bench record`` and ``publish``: keep what finished runs measured, and make a site of it."""
+"""``radiogs-bench record`` and ``publish``: keep the results of finished runs, and make a site of them."""
 
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def publish(*out: Path, to: Path, with_pictures_of: Names = ()) -> None:
     Example:  radiogs-bench publish out/ablations --to site
 
     :param out: Publish the runs in these folders, and sealed records (JSON files).
-    :param to: Write the site to this folder: a new one, an empty one, or that of an earlier site.
+    :param to: Write the site to this folder: a new one, an empty one, or an earlier site's.
     :param with_pictures_of: Show pictures of these scenes, too, whatever their licence: you have the right to.
     """
     from radiogs_reports.wording import count_of

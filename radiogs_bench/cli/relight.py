@@ -44,14 +44,14 @@ def factors(text: str) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class Relighting:
-    """How a model is relit, and what is written."""
+    """Options of how a model is relit, and of the output."""
 
     mode: str | None = None
-    """Choose one of the ways in which the method relights (default: that of the model's settings)."""
+    """Choose one of the ways in which the method relights (default: as in the model's settings)."""
     albedo_scale: Annotated[tuple[float, float, float], from_text(factors), Parameter(metavar="R,G,B")] = (1, 1, 1)
     """Multiply the recovered albedo by these factors."""
     effects: EffectsChoice = "all"
-    """Simulate all effects, those that the scene needs (auto), or the ones in this list."""
+    """Simulate all effects, only the needed ones (auto), or the ones in this list."""
     views: Literal["test", "train"] = "test"
     """Render the views of this split."""
     turntable: MaybeCount = None
@@ -76,7 +76,7 @@ def relight(
 
     :param folder: Open the model that `train` left in this folder.
     :param envmap: Relight by this light of the scene, or by this .hdr or .exr file: latitude-longitude, or a cube map
-        that says how its faces lie.
+        with a known layout of faces.
     """
     import torch
 
@@ -156,9 +156,9 @@ def changes_of(name: str, asked: Relighting, variant: Mapping[str, Any]) -> tupl
 
 
 def chosen_mode(name: str, mode: str | None, variant: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
-    """The relighting mode of a method that was chosen, and the field of the variant that holds it.
+    """The chosen relighting mode of a method, and the field of the variant that holds it.
 
-    If none was chosen, it is that of the model's ``variant``, as plain values, else the method's default. Raises
+    Without a choice it is the mode in the model's ``variant`` (plain values), else the method's default. Raises
     UsageError for a mode that the method does not offer.
     """
     from radiogs_core.capabilities import RelitInModes
@@ -180,7 +180,7 @@ def chosen_mode(name: str, mode: str | None, variant: Mapping[str, Any]) -> tupl
 
 
 def lit_folder(envmap: Path | None, lamps: Lamps) -> str:
-    """Name of the folder for renders: those of the map, of the file of lamps and of each lamp. Raises UsageError."""
+    """Name of the folder for renders, from the names of the map, the lamps' file and each lamp. Raises UsageError."""
     from radiogs_datasets.bounded_reading import LONGEST_NAME
 
     files = (each for each in (envmap, lamps.light) if each is not None)
@@ -194,8 +194,8 @@ def lit_folder(envmap: Path | None, lamps: Lamps) -> str:
 
 
 def file_folder(light: Path) -> str:
-    """The part of ``lit_folder`` of a file: its name, with its ending where an x.exr lies beside an x.hdr, or an x.json
-    beside an x.toml."""
+    """A file's part of ``lit_folder``: its name, plus its ending if an x.hdr lies beside an x.exr, or an x.toml beside
+    an x.json."""
     from radiogs_datasets.bounded_reading import require_storable
 
     if light.stem.strip(".") == "":
@@ -207,4 +207,4 @@ def file_folder(light: Path) -> str:
 
 
 OTHERS = {".exr": ".hdr", ".json": ".toml"}
-"""Endings of files that may have the name of another light, and the ending of that."""
+"""Endings of files whose names may collide, each with the ending of the other file."""

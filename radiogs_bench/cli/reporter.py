@@ -1,4 +1,4 @@
-"""Prints for all commands: results to stdout, errors to stderr. Stored text commands no terminal."""
+"""Prints for all commands: results to stdout, errors to stderr. Control characters in stored texts are made visible."""
 
 import logging
 import shutil
@@ -29,7 +29,7 @@ def say(*lines: str) -> None:
 
 
 def say_whole(line: str) -> None:
-    """Print a line of which nothing is wrapped: what programs read."""
+    """Print a line for programs, unwrapped."""
     sys.stdout.write(visible(line) + "\n")
 
 
@@ -52,7 +52,7 @@ class VisibleFormatter(logging.Formatter):
 
 
 def fitted(text: str, on_terminal: bool) -> str:
-    """The text, wrapped to the width of a terminal if it is printed on one."""
+    """The text, wrapped to the terminal's width if stdout is a terminal."""
     if not on_terminal:
         return text
     columns = shutil.get_terminal_size().columns
@@ -99,7 +99,7 @@ def console(width: int | None = None) -> "Console":
 
 
 def say_aside(store: "Store") -> None:
-    """Print one line where files lie in OUT/aside; nothing where there are none."""
+    """Print a line if files lie in OUT/aside."""
     from ..store.folder import ASIDE, kept_aside
 
     names = kept_aside(store.folder)

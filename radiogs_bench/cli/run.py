@@ -55,7 +55,7 @@ class Asked:
     """Run seeds 0 to N-1."""
     as_published: bool = False
     """Run the published table that the suite reproduces: its scenes from --data, preset paper, its protocol and recipe
-    printed, unless other options say otherwise."""
+    printed, unless options change these."""
     preset: PresetName = ""
     """Take the amount of work of this preset (default: tiny; as published, paper)."""
     protocol: ProtocolName = ""
@@ -74,14 +74,14 @@ class Asked:
     difference: Annotated[
         dict[str, float], from_text(differences), Parameter(accepts_keys=False, metavar="COLUMN=SIZE,...")
     ] = field(default_factory=dict)
-    """With --dry-run, say how many scenes or seeds resolve this difference, such as albedo/psnr=0.3."""
+    """With --dry-run, print how many scenes or seeds resolve this difference, such as albedo/psnr=0.3."""
     as_json: Json = False
     """Print events instead of tables, one JSON object a line."""
 
 
 @dataclass(frozen=True)
 class Where(Computing):
-    """Where cells run; on a cluster a cell has one thread unless ``threads`` is given."""
+    """Options of where cells run; on a cluster a cell has one thread unless ``threads`` is given."""
 
     engine: Name | None = None
     """Run the cells in this process, in a pool of processes, or on a Ray cluster (default: inprocess). On a cluster a
@@ -129,7 +129,7 @@ def run(
 
 
 def _spec(suite: str, asked: Asked, changes: Changes, where: Where, opened: SceneOptions) -> "RunSpec":
-    """The run that is asked for. Raises UsageError for values that no run can have."""
+    """The run that the options ask for. Raises UsageError for invalid values."""
     from ..runs.spec import RunSpec
 
     return RunSpec(

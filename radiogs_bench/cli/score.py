@@ -151,7 +151,7 @@ def _of_model(folder: Path, protocols: "Sequence[Protocol]", device: "torch.devi
 
 
 def _are_pairs(folder: Path, compared: Compared) -> bool:
-    """Whether the folder holds pairs of output and target, as ``--from`` or, without options, its files say."""
+    """Whether the folder holds pairs of output and target: by ``--from``, or without options by its files."""
     from radiogs_baselines.outputs.reading import likely_codes
     from radiogs_baselines.outputs.stanford_orb import holds_pairs
 
@@ -211,7 +211,7 @@ def _of_pairs(folder: Path, scene: str | None, protocols: "Sequence[Protocol]") 
 
 
 def not_predicted(pairs: "Sequence[Pair]") -> list[tuple[str, str, str]]:
-    """Capture and task of pairs whose output is null, and what becomes of them; each once."""
+    """Sentences on pairs whose output is null: capture and task, and how they are scored; each once."""
     white = "null counts as a white image under stanford-orb, as its evaluator has it, and is n/a under other protocols"
     return sorted(
         {

@@ -36,9 +36,9 @@ WIDTH = 120
 
 
 def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING, width: int | None = None) -> None:
-    """Rebuild the summary and the reports of a run, and print what it found, its table, what it did not resolve, and
-    what to open, in lines of ``width`` characters (default: as many as the terminal has). Into a file or a pipe the
-    table goes as Markdown."""
+    """Rebuild the summary and the reports of a run, and print findings, table, unresolved differences and files to
+    open, in lines of ``width`` characters (default: as many as the terminal has). Into a file or a pipe the table goes
+    as Markdown."""
     summary, written = write(store, sweep, shown)
     table = suite_table(summary)
     room = min(WIDTH, console(width).width)
@@ -58,7 +58,7 @@ def write_and_show(store: Store, sweep: Sweep, shown: Shown = EVERYTHING, width:
 
 
 def below(table: Table) -> list[str]:
-    """The lines below a table: how to read it, what it could have shown, why values are missing, which are doubtful."""
+    """The lines below a table: how to read it, resolvable differences, and reasons for missing and doubtful values."""
     columns, lines = table.columns, []
     if table.reference and any(cell.difference is not None for cell in table.cells):
         lines.append(f"Differences: to '{table.reference.text}', ± half of the 95 % interval; * resolved.")

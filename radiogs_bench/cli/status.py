@@ -25,11 +25,11 @@ EVERY_SECONDS = 2
 """Seconds between two looks of ``--watch``."""
 
 WIDE = 100
-"""Width in characters from which a terminal has room for the cells' keys."""
+"""Width of the terminal, in characters, from which the table has a column of cell keys."""
 
 
 def status(out: Path, /, *, as_json: Json = False, watch: MaybeCount = None) -> None:
-    """Say how far a run is: its cells, their steps, and the time left.
+    """Print the progress of a run: its cells, their steps, and the time left.
 
     Example:  radiogs-bench status out/ablations --watch
 
@@ -64,7 +64,7 @@ def status(out: Path, /, *, as_json: Json = False, watch: MaybeCount = None) -> 
 
 
 def _standings(store: "Store", sweep: "Sweep", every: int | None) -> "Iterator[Standing]":
-    """Yield where a run stands: once, or every so many seconds until it has ended."""
+    """Yield the state of a run: once, or at intervals until the run has ended."""
     from ..results.standing import standing_of
 
     while True:

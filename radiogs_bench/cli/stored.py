@@ -1,4 +1,4 @@
-"""``radiogs-bench verify``, ``report``, ``gate``: damage of a run, its reports, and comparison with a baseline."""
+"""``radiogs-bench verify``, ``report``, ``gate``: damage of a run, its reports, its comparison with a baseline."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -110,7 +110,7 @@ def _report_for_paper(out: Path, columns: Sequence[str]) -> None:
 
 @dataclass(frozen=True)
 class Gating:
-    """Options of a gate: other work than comparing, and changes that pass."""
+    """Options of a gate: work other than comparing, and changes that pass."""
 
     update: bool = False
     """Make the run the new baseline."""
@@ -118,7 +118,7 @@ class Gating:
     """With --update, measure how far a rerun differs: this folder has the same run with another --threads. This option
     may be repeated."""
     power: bool = False
-    """Say which loss of each metric a gate with this baseline finds in three of four runs; compare nothing."""
+    """Print the loss of each metric that a gate with this baseline finds in three of four runs; compare nothing."""
     accept_changes: bool = False
     """Let a run pass whose training computes something else, as long as nothing is worse."""
     slow_fails: bool = False
@@ -169,7 +169,7 @@ def gate(
 
 
 def _ended(regressions: int, changed: int, accepted: bool) -> str:
-    """How the comparison ended, in words."""
+    """The outcome of the comparison in words."""
     if not regressions and not changed:
         return "no worse than the baseline, and computed alike"
     said = [f"{regressions} regressions"] * bool(regressions)

@@ -1,4 +1,4 @@
-"""How the values of options are read from text. Each function raises ValueError for a text that is no such value."""
+"""Reads values of options from text. Each function raises ValueError for an invalid text."""
 
 import math
 import re
@@ -13,7 +13,7 @@ from cyclopts import CoercionError, Parameter, Token, convert
 from ..trusted_methods import SUFFIX
 
 SMALLEST_PICTURE, LARGEST_PICTURE = 16, 8192
-"""Pixels a side: the buffers that VTK draws into end near 16384, where it aborts the process."""
+"""Pixels a side: VTK aborts the process for buffers of about 16384 pixels."""
 
 BARE_WORD = re.compile(r"[A-Za-z][\w.+-]*")
 """A value of ``--set`` that needs no quotes."""
@@ -23,7 +23,7 @@ LONGEST_COUNT = 18
 
 
 def read(kind: Any, tokens: Sequence[Token]) -> Any:
-    """The value of an option of some type, from the last text that it was given; lists are separated by commas."""
+    """The value of an option of a given type, from the last of its texts; lists are separated by commas."""
     text = tokens[-1].value
     if get_origin(kind) in (Union, UnionType):
         kinds = [each for each in get_args(kind) if each is not NoneType]

@@ -79,7 +79,7 @@ def view(folder: Path, /, *, drawing: Annotated[Drawing, Parameter(name="*")] = 
 
 
 def require_screen() -> None:
-    """Raise UsageError where there is no screen to open a window on."""
+    """Raise UsageError without a screen on which a window can open."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise UsageError(
             "there is no screen to open a window on",

@@ -2,7 +2,7 @@
 
 Each view adds, to the lattice points near the surfaces that it sees, their distance from the surface along the ray, in
 units of the truncation and cut at 1: positive in front, negative behind. Points that are further behind than the
-truncation are hidden from the view and get nothing from it; nor do those that it sees before an empty background. The
+truncation are hidden from the view and get nothing from it; nor do points that it sees before an empty background. The
 mean over views is zero at the surface. Views are weighted by the cosine at which they see the surface: distances along
 oblique rays are too large, unequally so before and behind a curved surface, and noise of the depth counts for more.
 
@@ -23,11 +23,11 @@ from radiogs_core.errors import UsageError
 from radiogs_core.scene.camera import Camera
 
 SOLID_ALPHA = 0.5
-"""Coverage above which a pixel's depth is that of a surface."""
+"""Coverage above which a pixel's depth belongs to a surface."""
 
 EDGE = 0.05
-"""Weight of what is seen at an edge or edge-on, where a depth is off by as much as neighbouring pixels differ. A
-surface that faces the view has the weight 1, an oblique one the cosine."""
+"""Weight of a depth at an edge or seen edge-on, where it is as uncertain as neighbouring pixels differ. A surface that
+faces the view has the weight 1, an oblique one the cosine."""
 
 PIXELS_AT_A_TIME = 1 << 16
 BLOCKS_AT_A_TIME = 1 << 12
@@ -68,11 +68,11 @@ class VoxelBlocks:
         return len(self.places)
 
     def rows_of(self, places: Places) -> Int[np.ndarray, " blocks"]:
-        """Rows of the arrays in which blocks lie; -1 for those that were not made."""
+        """Row of each block in the arrays; -1 for a block that was not made."""
         return np.asarray(self._keys.get_indexer(key_of(places)))
 
     def made(self, places: Places) -> Int[np.ndarray, " blocks"]:
-        """Rows of different blocks, made where they are new. Raises UsageError where that exceeds ``most_bytes``."""
+        """Rows of distinct blocks; new blocks are made. Raises UsageError if they would exceed ``most_bytes``."""
         new = places[self.rows_of(places) < 0]
         if len(self) + len(new) > self.most:
             raise UsageError(

@@ -1,6 +1,6 @@
 """Finished cells for loggers: TensorBoard's event files, and runs of Weights & Biases.
 
-Runs of Weights & Biases are written offline, for `wandb sync`, unless WANDB_MODE says otherwise.
+Runs of Weights & Biases are written offline, for `wandb sync`, unless WANDB_MODE is set.
 """
 
 import os

@@ -38,7 +38,7 @@ TRUNCATION = 4.0
 """In voxels. 2DGS takes 5; the shorter, the less do the two sides of a thin part push each other apart."""
 
 MOST_BYTES = 2 << 30
-"""Memory that voxels may take unless said otherwise."""
+"""Default limit on the memory of voxels."""
 
 NEEDED = ("depth", "alpha")
 
@@ -127,9 +127,9 @@ def mesh_of(
 ) -> Mesh:
     """The surface that a model's depth maps of some views agree on, in the world.
 
-    Depth maps are rendered one at a time; ``advance`` is told how many of them are done. Raises NotOffered for a model
-    that renders no depth or coverage, UsageError where voxels need more than ``most_bytes``, DataError where no view
-    sees a surface.
+    Depth maps are rendered one at a time; ``advance`` receives their numbers, done and total. Raises NotOffered for a
+    model that renders no depth or coverage, UsageError where voxels need more than ``most_bytes``, DataError where no
+    view sees a surface.
     """
     fusion = Fusion(lattice, most_bytes)
     for done, (view, maps) in enumerate(rendered(prepared, views, NEEDED, device=device, method=method), 1):
@@ -141,7 +141,7 @@ def mesh_of(
 def rendered(
     prepared: Prepared, views: Sequence[View], needed: Sequence[str], *, device: torch.device | str, method: str
 ) -> Iterator[tuple[View, Maps]]:
-    """Yields each view and its maps on black, the needed ones among them. Raises NotOffered where one lacks."""
+    """Yields each view and its maps on black. Raises NotOffered if a needed map is missing."""
     lacking = [name for name in needed if name not in prepared.offers]
     if lacking:
         raise NotOffered(
@@ -154,11 +154,11 @@ def rendered(
 
 BLOCKS = 8
 CELLS = BLOCKS * SIDE
-"""Along a cube's side."""
+"""Cells along a cube's side."""
 
 LEAST = 1e-3
-"""Smallest size of a sampled distance, in units of the truncation: a smaller one moves its vertex by less than a
-hundredth of a voxel, and without it a vertex could lie on a lattice point, of which nobody can say on which edge."""
+"""Smallest absolute value of a sampled distance, in units of the truncation. It moves a vertex by less than a hundredth
+of a voxel, and keeps vertices off lattice points, where the edge that they lie on would be ambiguous."""
 
 
 def zero_level(blocks: VoxelBlocks, voxel: float) -> Mesh:
@@ -201,7 +201,7 @@ def zero_level(blocks: VoxelBlocks, voxel: float) -> Mesh:
 def _assembled(
     blocks: VoxelBlocks, cube: Int[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, "n n n"], Bool[np.ndarray, "n n n"]]:
-    """Mean distances at a cube's lattice points, its far sides included, and which of them were seen."""
+    """Mean distances at the lattice points of a cube, its far sides included, and whether views saw each point."""
     around = np.array(list(itertools.product(range(BLOCKS + 1), repeat=3)))
     rows = blocks.rows_of(np.asarray(cube * BLOCKS + around))
     sums, weights = blocks.sums[rows], blocks.weights[rows] * (rows >= 0)[:, None]
@@ -242,7 +242,7 @@ def record_of(mesh: Mesh, scene: Scene, lattice: Lattice, views: str) -> dict[st
 
 
 def shape_of(mesh: Mesh, scene: Scene) -> dict[str, Any]:
-    """Accuracy, completeness and Chamfer distance, or the reason why there are none."""
+    """Accuracy, completeness and Chamfer distance, or the reason why they are missing."""
     try:
         truth = true_shape(scene)
         found = surface_distance(mesh.vertices, mesh.faces, truth.points, truth.distance, scene.extent)

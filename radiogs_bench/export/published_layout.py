@@ -18,7 +18,7 @@ from ..scoring.rendering import prepared, view_on_black
 from ..scoring.score_maps import coverage, lit_views
 
 PLAIN = "plain"
-"""The layout that ``render`` and ``relight`` write."""
+"""Name of the layout that ``render`` and ``relight`` write."""
 
 
 def write_as_published(
@@ -64,7 +64,7 @@ def relit_views(
 
 
 def checked(code: str) -> str:
-    """The layout of this name. Raises UsageError where there is no writer for it."""
+    """The layout of this name. Raises UsageError for a layout that cannot be written."""
     if code in CODES and code != PLAIN:
         return code
     layouts = [name for name in CODES if name != PLAIN]

@@ -1,4 +1,4 @@
-"""All results of a store as one table, with one line per cell and metric."""
+"""All results of a store as one table with a line per cell and metric."""
 
 import json
 from collections import Counter
@@ -23,10 +23,10 @@ def rows(
 ) -> Iterator[dict[str, Any]]:
     """Every metric of every finished cell, with the cell's settings and costs; with ``by_view``, every view's value.
 
-    Columns: row (of the folder's last run; None for a cell of another one), scene, method, variant fields, budget,
+    Columns: row (None for a cell that is not part of the folder's last run), scene, method, variant fields, budget,
     seed, device, protocol; surfels; seconds by stage; counters of work and of guards, summed over stages; key; metric,
-    value, reason. With ``by_view``: view instead of reason, and no line where a view has no value. Raises DataError for
-    a damaged manifest.
+    value, reason. With ``by_view``: view instead of reason; views without a value have no line. Raises DataError for a
+    damaged manifest.
     """
     named = {ref["key"]: ref["row"] for ref in read_sweep(store.folder)["cells"]} if has_sweep(store.folder) else {}
     total = len(store.result_keys())

@@ -2,10 +2,9 @@
 
 A mesh of fewer triangles (VTK's quadric decimation) is cut into charts that lie side by side in one image, an atlas
 (xatlas). Each texel has a point on the surface, which has the mean of the albedo and roughness that views render there:
-views that look at it straight and from nearby count most, those that see it at an edge of something little, and those
-from which something hides it not at all. So the textures are as sharp as the views, however coarse the triangles are,
-and any method that renders albedo and roughness has them. Colours by vertex would do for albedo, but glTF and OBJ have
-no roughness by vertex.
+views from nearby and straight ahead count most, views that see it at an edge little, and views from which it is hidden
+not at all. So the textures are as sharp as the views, however coarse the triangles are, and any method that renders
+albedo and roughness has them. Colours by vertex would do for albedo, but glTF and OBJ have no roughness by vertex.
 """
 
 from collections.abc import Callable, Sequence
@@ -79,7 +78,7 @@ class Textured:
 
 
 def reduced(mesh: Mesh, most_faces: int) -> Mesh:
-    """The mesh with at most so many faces, none of them without area. Raises UsageError where VTK lacks libraries."""
+    """Simplify the mesh to at most so many faces, all of positive area. Raises UsageError if VTK lacks libraries."""
     if len(mesh.faces) > most_faces:
         solid = pyvista().PolyData.from_regular_faces(mesh.vertices, mesh.faces)
         fewer = solid.decimate(1 - most_faces / len(mesh.faces))

@@ -21,7 +21,7 @@ CPU = torch.device("cpu")
 
 
 def surfels_in(folder: Path, row: str | None) -> Surfels:
-    """The surfels that ``train`` left in a folder, or those of a run's row. Raises DataError where there are none."""
+    """The surfels in a folder of ``train``, or of a row of a run. Raises DataError if there are none."""
     if (folder / "trained.json").exists():
         products = [product_of(folder, read_about(folder)["training_key"], CPU)]
     else:

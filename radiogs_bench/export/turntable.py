@@ -26,7 +26,7 @@ FIELD = 40.0
 """Field of view, degrees."""
 
 WITHIN = 0.98
-"""Share of the surfels that fits into the picture: single ones may be far away."""
+"""Share of the surfels that the picture holds; the rest may be outliers far away."""
 
 X, Z = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
 

@@ -31,12 +31,12 @@ from .trained_surfels import initial_viewpoint_in, surfels_in
 from .turntable import cameras_around, from_outside
 
 COVERED = 0.5
-"""Coverage from which a pixel counts as the model's."""
+"""Coverage from which a pixel counts as covered by the model."""
 
 HALF_A_LEVEL = 0.5 / 255
 
 MANY_WHITE, MANY_BLACK = 0.2, 0.5
-"""Shares of white and of black pixels in relit frames above which they are named."""
+"""Shares of white and of black pixels in relit frames above which a warning names them."""
 
 
 def write_views(
@@ -104,7 +104,7 @@ def lit_by_lamps(
     light: EnvironmentMap | None = None,
     albedo_scale: Float[Tensor, "3"] | None = None,
 ) -> Prepared:
-    """The model of the method ``name`` under lamps and, unless it is None, a map; see ``RelitByLamps``.
+    """The model of the method ``name``, lit by lamps and, if given, by a map; see ``RelitByLamps``.
 
     Raises UsageError for a method that takes no lamps, and for a lamp that is refused; DataError; MethodFailed.
     """
@@ -138,8 +138,8 @@ def write_turntable(method: str, relit: Prepared, run: Run, model_folder: Path, 
 
 
 def count_levels(counts: Counter[str], maps: Mapping[str, Tensor]) -> None:
-    """Count the white and the black pixels of a frame, by its maps on black (``scoring.rendering.on_black``), where the
-    model covers them, and how many these are.
+    """Count a frame's white, black and covered pixels, from its maps on black (``scoring.rendering.on_black``); white
+    and black ones count only inside the coverage.
     """
     image = maps["image"]
     levels = image[maps["alpha"][..., 0] > COVERED if "alpha" in maps else image.amax(-1) >= 0]

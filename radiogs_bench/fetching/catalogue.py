@@ -15,9 +15,9 @@ from radiogs_core.errors import unknown
 class Piece:
     """A file of a data set.
 
-    ``into``: the folder that it is unpacked into, within that of the data set. ``packed``: whether it is an archive.
-    ``by_hand``: its server gives it only to a browser. ``bytes``, ``sha256``: as published, None or empty if they are
-    not; the digest is then recorded at the first download.
+    ``into``: the folder within the data set's folder that it is unpacked into. ``packed``: whether it is an archive.
+    ``by_hand``: only a browser can download it. ``bytes``, ``sha256``: as published, or None and empty if unpublished;
+    the digest is then recorded at the first download.
     """
 
     name: str

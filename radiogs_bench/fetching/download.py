@@ -33,7 +33,7 @@ LONGEST_NOTE = 10_000
 RANGE = re.compile(r"bytes ([0-9]{1,15})-[0-9]{1,15}/([0-9]{1,15}|\*)", re.ASCII)
 
 Advance = Callable[[int, int], None]
-"""Called with the bytes that are there, and those that will be."""
+"""Called with the number of bytes received so far, and the total."""
 
 
 class DownloadFailed(DataError):
@@ -45,21 +45,21 @@ class DownloadFailed(DataError):
 
 
 class MalformedAnswer(DataError):
-    """An answer that breaks the rules of HTTP, or is not the one that was asked for; nothing of it is kept."""
+    """An answer that breaks the rules of HTTP, or answers another request; its bytes are not kept."""
 
 
 class Begun(TypedDict):
-    """The beginning of a file that an earlier call has left, as the server described it."""
+    """The beginning of a file that an earlier call has downloaded, as the server described the file."""
 
     url: str
     version: str
-    """Its ETag, or its date."""
+    """The server's ETag, or its date."""
     bytes: int | None
-    """Size of the whole file; None where the server did not give it."""
+    """Size of the whole file; None if the server did not state it."""
 
 
 def download(url: str, partial: Path, advance: Advance, remedy: str = "", timeout: float = TIMEOUT) -> None:
-    """Put the whole of ``url`` into ``partial``, which may hold the beginning of it from an earlier call.
+    """Download ``url`` to ``partial``, which may hold the file's beginning from an earlier call.
 
     It is continued only if the server's answer names the version that was begun (by its ETag or its date, kept in
     ``<partial>.json``); otherwise it starts again. The received part of an interrupted download is kept. Neither file
@@ -126,7 +126,7 @@ def _about(partial: Path) -> Path:
 
 
 def _begun(url: str, partial: Path) -> Begun | None:
-    """The file that an earlier call has left, as it noted it down; None if the download cannot be continued."""
+    """The beginning that an earlier call has noted down; None if the download cannot be continued."""
     if partial.is_symlink() or not partial.is_file() or _about(partial).is_symlink():
         return None
     try:
@@ -174,7 +174,7 @@ def _receive(url: str, partial: Path, begun: Begun | None, advance: Advance, tim
 
 
 def _length(response: http.client.HTTPResponse) -> int | None:
-    """Bytes that will come; None for an answer in chunks, whose end is marked. Raises HTTPException."""
+    """Bytes that will follow; None for a chunked answer, which marks its own end. Raises HTTPException."""
     coding = response.headers.get("Content-Encoding", "identity")
     if coding.strip().lower() not in ("", "identity"):
         raise http.client.HTTPException(f"it is sent as '{coding:.40}', which was not asked for")
@@ -185,7 +185,7 @@ def _length(response: http.client.HTTPResponse) -> int | None:
 
 
 def _continues(response: http.client.HTTPResponse, done: int, whole: int | None) -> bool:
-    """Whether a part begins where ours ends, and is of a file of the same length."""
+    """Whether an answer continues where our part ends, and belongs to a file of the same length."""
     match = RANGE.fullmatch(response.headers.get("Content-Range", ""))
     return match is not None and int(match[1]) == done and (whole is None or match[2] in ("*", str(whole)))
 
@@ -197,18 +197,18 @@ def _version(response: http.client.HTTPResponse) -> str:
 
 
 class _Paced(io.RawIOBase):
-    """The bytes of a connection. A server that sends byte after byte would keep its timeout without end."""
+    """The bytes of a connection, at a bounded pace: a server that sends single bytes would never reach the timeout."""
 
     def __init__(self, source: io.BufferedReader, timeout: float) -> None:
         self.source, self.timeout = source, timeout
         self.began, self.came = time.monotonic(), 0
 
     def readable(self) -> bool:
-        """Always."""
+        """Always true."""
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Read what is there. Raises TimeoutError where fewer than LEAST_RATE bytes a second came for a while."""
+        """Read available bytes. Raises TimeoutError if fewer than LEAST_RATE bytes a second came for a while."""
         count = self.source.readinto1(buffer)
         self.came += count
         if self.came >= LEAST_RATE * self.timeout:
@@ -240,7 +240,7 @@ class _SecureConnection(http.client.HTTPSConnection):
 
 
 class _Http(urllib.request.HTTPHandler, urllib.request.HTTPSHandler):
-    """Opens addresses of both kinds."""
+    """Opens http and https addresses."""
 
     def http_open(self, req: urllib.request.Request) -> http.client.HTTPResponse:
         """Open an unencrypted connection."""

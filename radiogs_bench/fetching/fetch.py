@@ -1,4 +1,4 @@
-"""Fetches a data set: downloads, checks and unpacks what is missing, and records what it was."""
+"""Fetches a data set: downloads, checks and unpacks missing pieces, and records each piece."""
 
 import json
 from collections.abc import Callable
@@ -19,11 +19,11 @@ RECORD = "fetched.json"
 """In a data set's folder: address, size and SHA-256 of every piece that was fetched."""
 
 Advance = Callable[[str, int, int], None]
-"""Called with a piece's name, and with the bytes done and those of all."""
+"""Called with the name of a piece, its bytes done, and its total bytes."""
 
 
 def fetch_data_set(of: DataSet, root: Path, advance: Advance, say: Callable[[str], None]) -> None:
-    """Make ``root/<name>`` hold the data set; what is there already is left alone.
+    """Make ``root/<name>`` hold the data set; existing files stay as they are.
 
     A piece that lies in that folder under its own name, because somebody put it there, is taken instead of a download,
     and kept. Raises NotFetched if pieces are missing at the end, with what to fetch by hand and where to put it;
@@ -55,7 +55,7 @@ def fetch_data_set(of: DataSet, root: Path, advance: Advance, say: Callable[[str
 
 
 def not_fetched(of: DataSet, folder: Path, missing: list[tuple[Piece, str]]) -> NotFetched:
-    """The error that says what to fetch by hand."""
+    """The error for pieces that have to be fetched by hand, with their addresses and places."""
     lines = [
         line
         for piece, why in missing

@@ -21,10 +21,10 @@ HEADS = (
 )
 
 OFFLINE_VARIABLE = "RADIOGS_BENCH_OFFLINE"
-"""Environment variable: where it is set to anything, no command downloads what it was not asked to."""
+"""Environment variable: if it is set, commands download only what they are asked to download."""
 
 PATIENCE = 10.0
-"""Seconds without an answer after which weights that nobody asked for are done without."""
+"""Seconds without an answer after which a download that the user did not ask for is given up."""
 
 MEGABYTES: Mapping[Net, int] = {"alex": 233, "vgg": 528, "squeeze": 5}
 """Size of the files of a network, rounded."""
@@ -84,7 +84,7 @@ def fetch(source: Piece, folder: Path, advance: Callable[[int, int], None], time
 def fetch_missing(nets: Iterable[Net], say: Callable[[str], None], advance: Callable[[str, int, int], None]) -> None:
     """Download the weights that given networks lack, once for this user, if there is a network.
 
-    ``say`` is called with what is fetched and why it could not be; ``advance`` with (name, done, total) bytes. After a
+    ``say`` receives what is fetched, or why it could not be; ``advance`` with (name, done, total) bytes. After a
     failure nothing more is tried.
     """
     if os.environ.get(OFFLINE_VARIABLE):

@@ -32,7 +32,7 @@ DAMAGED = (
     tarfile.TarError, zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, NotImplementedError, RuntimeError,
     OSError, ValueError, OverflowError, MemoryError, struct.error, AssertionError,
 )  # fmt: skip
-"""Errors of the libraries on what is no archive. Errors of writing are explained before they come here."""
+"""Errors that the libraries raise for damaged archives. Errors of writing are explained before they come here."""
 
 MOST_HEADER = 1 << 20
 MOST_HEADERS = 1 << 26
@@ -57,7 +57,7 @@ EXTENDED = (
 
 
 Member = tuple[PurePosixPath, int, IO[bytes] | None]
-"""Path within the archive, declared size in bytes (neither library gives more), and content; a folder has none."""
+"""A member of an archive: path, declared size in bytes (both libraries enforce it), and content; a folder has none."""
 
 
 def unpack(archive: Path, folder: Path, most_bytes: int | None = None) -> int:
@@ -107,7 +107,7 @@ def _write_all(archive: Path, waiting: Path, bound: int) -> list[PurePosixPath]:
 
 
 def _write(content: IO[bytes], path: Path) -> None:
-    """Errors of reading are the archive's, and errors of writing the folder's."""
+    """Write a member. Errors of reading are blamed on the archive, errors of writing on the folder."""
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         file = path.open("wb")

@@ -1,7 +1,7 @@
-"""Baselines: what a gate compares with, made from a finished run, sealed, and looked at before it is used.
+"""Baselines of gates: made from a finished run, sealed, and checked before use.
 
 A baseline that is made with a rerun, which is the same run with another number of threads, knows how far two runs of
-the same sources differ. One without holds bands instead: of each metric, BAND standard deviations over its seeds.
+the same sources differ. Without a rerun it has bands: BAND standard deviations of each metric over its seeds.
 """
 
 import json
@@ -30,7 +30,7 @@ from .training_steps import kept_quantities, log_ratios, misshapen, work_ratios
 BASELINE_SCHEMA = "radiogs-bench/baseline/3"
 
 FLOOR = 1e-4
-"""Smallest loss of a metric that counts, relative to the value: room for another processor's rounding."""
+"""Smallest relative loss of a metric that counts: smaller ones may be another processor's rounding."""
 
 SETTINGS = ("suite", "preset", "protocol", "device")
 REPEATABLE = ("cpu", "instructions", "threads", "gpu")
@@ -44,8 +44,8 @@ Noise = dict[str, dict[str, dict[str, list[float]]]]
 def baseline_of(store: Store, sweep: Sweep, reruns: Sequence[tuple[Store, Sweep]] = ()) -> dict[str, Any]:
     """A baseline from the store's last run, and the noise from reruns of it.
 
-    Raises DataError unless every cell is finished and has what to compare, and for a rerun that is none. Rows that were
-    scored from files are left out: this code did not make them.
+    Raises DataError unless every cell is finished and has values to compare, and for a run that is not a rerun. Rows
+    that were scored from files are left out: this code did not make them.
     """
     finished = _finished(store, sweep)
     made = {
@@ -76,7 +76,7 @@ def _finished(store: Store, sweep: Sweep) -> dict[str, Result]:
 
 
 def _rerun(finished: Mapping[str, Result], store: Store, sweep: Sweep) -> dict[str, Result]:
-    """The results of a rerun. Raises DataError where it is another run, or the same one."""
+    """The results of a rerun. Raises DataError if it is the same run, or not a rerun of it."""
     again = _finished(store, sweep)
     other = [name for name, result in finished.items() if name not in again or again[name]["key"] != result["key"]]
     remedy = "Run the same command with another number of threads into that folder:  --threads N --out OTHER"
@@ -99,7 +99,7 @@ def read_baseline(path: Path) -> dict[str, Any]:
 
 
 def machine_of(results: Iterable[Result]) -> dict[str, Any]:
-    """Processor, threads and versions of all sessions, under which bits repeat; ``mixed`` for several, and for none."""
+    """Processor, threads and versions of all sessions, under which bits repeat; ``mixed`` unless all are the same."""
     cards = {
         json.dumps(
             {name: session["machine"].get(name) for name in REPEATABLE}
@@ -127,7 +127,7 @@ def groups_of(names: Iterable[str]) -> dict[str, list[str]]:
 
 
 def require_whole(content: Mapping[str, Any], what: str, remedy: str) -> None:
-    """Raise DataError where a baseline has nothing to compare with, or no number where one is needed."""
+    """Raise DataError for a baseline without values to compare, or with something other than a number among them."""
     try:
         complaints = list(_holes(content))
     except (AttributeError, KeyError, TypeError) as error:
@@ -220,7 +220,7 @@ def _kept(result: Result) -> dict[str, Any]:
 
 
 def pace_of(result: Result) -> float | None:
-    """Training's seconds in those of the yardstick that was measured beside each stage; None where one was not."""
+    """Training's seconds over the seconds of the yardstick measured beside each stage; None without a yardstick."""
     paces = []
     for stage in result["stages"]:
         sessions = result["sessions"].get(stage["name"])
@@ -232,14 +232,14 @@ def pace_of(result: Result) -> float | None:
 
 
 def settled(result: Result) -> dict[str, float]:
-    """Seconds of training until each metric stays near its final value; empty where none was scored meanwhile."""
+    """Seconds of training until each metric stays near its final value; empty without scores during training."""
     units = {key: MEASURES.get(key.partition("/")[2]) for key in result["metrics"]}
     seconds = {key: settled_seconds(result, key, known.unit if known else "") for key, known in units.items()}
     return {key: each for key, each in seconds.items() if each is not None}
 
 
 def gain(metric: str, value: float) -> float | None:
-    """A value that rises where the metric gets better; None for a measure whose direction no table knows."""
+    """The value with the sign that makes better higher; None for a measure of unknown direction."""
     measure = MEASURES.get(metric.rpartition("/")[2])
     if measure is None:
         return None

@@ -1,4 +1,4 @@
-"""Remarks below the tables: which values are not to be taken at their word, and how methods differ from published ones.
+"""Remarks below the tables: which values are doubtful, and how methods differ from the published ones.
 
 Whether images determine a quantity is measured by ``scoring.what_images_determine``; methods state their differences as
 labels among a model's facts.
@@ -26,26 +26,26 @@ CHANGES: Mapping[str, str] = {
     "brightness, albedo free": f"a light {math.exp(STEPS['brightness, albedo free']):g} times darker, with the albedo"
     " at each point that hides it best,",
 }
-"""The quantities that ``scoring.what_images_determine`` changes, in words."""
+"""The quantities that ``scoring.what_images_determine`` varies, in words."""
 
 BRIGHTNESS = ("brightness", "brightness, albedo free")
 
 CONSTANTS = {"roughness/mse": "roughness", "environment/error_scaled": "light"}
-"""Metrics beside which ``task/constant`` is measured, and what is constant there."""
+"""Metrics beside which ``task/constant`` is measured, and the quantity that is constant there."""
 
 LIGHT = "environment/error_scaled"
 
 NEAR_FLOOR = 0.1, 0.05
-"""An error is hardly worse than ``environment/floor`` if it exceeds that by less: a share of it, and this much more."""
+"""An error is hardly worse than ``environment/floor`` if it exceeds it by less than this share, and this much more."""
 
 FEWEST_SEEDS = 3
-"""The interval from two values is five times as wide as from three, and says little."""
+"""With fewer seeds, spread is not judged: the interval from two values is five times as wide as from three."""
 
 IN_NO_COLUMN = "No column depends on it: the protocol compares albedo and light up to a factor."
 
 
 def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list[Doubt]:
-    """All doubts about a sweep's columns, in their order; last, remarks that mark no value."""
+    """All doubts about a sweep's columns, in their order; last, remarks on the whole table."""
     finished = [(ref, result) for ref, result in cells if result is not None]
     if not finished:
         return []
@@ -69,7 +69,7 @@ def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
 
 
 def over_fewer(finished: Finished, column: str, sweep: Sweep) -> list[Doubt]:
-    """A doubt for each row that was scored from files of some scenes or seeds of the run alone."""
+    """A doubt for each row that was scored from files of only some of the run's scenes or seeds."""
     every = [(scene, seed) for scene in sweep["scenes"] for seed in sweep["seeds"]]
     found = []
     for row in (line for line in sweep["rows"] if "files" in line):
@@ -113,7 +113,7 @@ def depends_on(column: str, conventions: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def undetermined(finished: Finished, column: str, quantities: Sequence[str]) -> list[Doubt]:
-    """One doubt for the rows with a cell in which the images do not determine one of the quantities; else none."""
+    """One doubt for the rows with a cell whose images do not determine one of the quantities; else none."""
     return _doubt(finished, column, quantities, lambda record: not shown_by_images(record), _not_determined)
 
 
@@ -146,7 +146,7 @@ def _doubt(
 
 
 def no_better_than_constant(finished: Finished, column: str) -> list[Doubt]:
-    """A doubt for the rows whose mean error is at least that of the best map that is the same everywhere."""
+    """A doubt for the rows whose mean error is at least the error of the best constant map."""
     if column not in CONSTANTS:
         return []
     rows, references = [], []
@@ -164,7 +164,7 @@ def no_better_than_constant(finished: Finished, column: str) -> list[Doubt]:
 
 
 def resolution_of_light(finished: Finished, texts: Mapping[str, str]) -> list[Doubt]:
-    """A remark on the error that resolution alone costs the recovered light, with the rows that have hardly more."""
+    """A remark on the part of the recovered light's error that resolution causes, and the rows hardly worse."""
     floors, near = [], []
     for row, pairs in _pairs(finished, LIGHT, "environment/floor").items():
         floors += [(row, floor) for _, floor in pairs]
@@ -183,7 +183,7 @@ def resolution_of_light(finished: Finished, texts: Mapping[str, str]) -> list[Do
 
 
 def spread_over_seeds(finished: Finished, column: str, quantities: Sequence[str]) -> list[Doubt]:
-    """A doubt for the rows in which seeds of a scene differ: the t interval of what they find is wider than a step."""
+    """A doubt for the rows whose seeds differ on a scene: the recovered value's t interval is wider than a step."""
     rows, sentences = [], []
     for row, results in _by_row(finished).items():
         for scene in dict.fromkeys(result["scene"] for result in results):
@@ -214,7 +214,7 @@ def _by_row(finished: Finished) -> dict[str, list[Result]]:
 
 
 def _pairs(finished: Finished, column: str, reference: str) -> dict[str, list[tuple[float, float]]]:
-    """Values of two metrics, by row, of the cells that have both."""
+    """Pairs of values by row, one pair per cell that has both metrics."""
     found: dict[str, list[tuple[float, float]]] = {}
     for ref, result in finished:
         values, pairs = known_values(result["metrics"]), found.setdefault(ref["row"], [])
@@ -280,8 +280,8 @@ Scenes = dict[str, None]
 def labels(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list[Doubt]:
     """Remarks on the whole table from the ``labels`` among the facts of cells, with the rows that have them.
 
-    Labels that all rows of a method share make one remark; those that only some have make one for each set of them. A
-    label that differs between scenes, or that some lack, has the scenes of each value behind it.
+    Labels that all rows of a method share make one remark; labels of some rows make one remark per set of rows. A label
+    that differs between scenes, or is missing for some, is followed by the scenes of each value.
     """
     texts = {row["key"]: row["text"] for row in sweep["rows"]}
     of_methods: dict[str, dict[str, dict[str, str]]] = {}
@@ -306,7 +306,7 @@ def labels(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list
 
 
 def _labels_of(found: Sequence[tuple[str, object]]) -> dict[str, str]:
-    """The labels of a row's cells by name, with the scenes of each value."""
+    """The labels of a row's cells by name, each with its scenes if scenes differ."""
     values: dict[str, dict[str, Scenes]] = {}
     for scene, labels_of_cell in found:
         for name, value in labels_of_cell.items() if isinstance(labels_of_cell, Mapping) else ():

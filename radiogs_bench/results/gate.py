@@ -2,7 +2,7 @@
 
 A metric's loss is judged over the seeds of a row on a scene, against the noise of a rerun; a gain never fails. Losses,
 gradients and counts of a training have no better direction: where they differ, the training is another one, and that
-fails too unless it is said to be intended.
+fails, too, unless the change is accepted.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -98,7 +98,7 @@ def _require_same_scenes(found: Mapping[str, Result], kept: Mapping[str, Mapping
 def _compare_metrics(
     found: Mapping[str, Result], baseline: Mapping[str, Any], repeated: Collection[str]
 ) -> Iterator[Change]:
-    """Metrics of each row on each scene; where its training is ``repeated``, none differs by rounding."""
+    """Compare metrics of each row on each scene; if its training is ``repeated``, rounding explains no difference."""
     tested: dict[tuple[str, str], Paired] = {}
     for group, names in groups_of(found).items():
         kept = {name: baseline["cells"][name]["metrics"] for name in names}
@@ -139,7 +139,7 @@ def _gained(metric: str, before: float, now: float) -> float:
 
 
 def _scored_otherwise(group: str, metric: str, values: Mapping[str, tuple[float, float]]) -> Iterator[Change]:
-    """A metric that differs although the training repeats: by what is rendered, or by how it is scored."""
+    """A metric that differs although the training repeats exactly: rendering or scoring has changed."""
     gains = [_gained(metric, before, now) for before, now in values.values()]
     if any(abs(gained) > REPEATED * abs(before) for gained, (before, _) in zip(gains, values.values(), strict=True)):
         yield Change(
@@ -225,7 +225,7 @@ def power_lines(baseline: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _remark(name: str, now: Mapping[str, float], before: Mapping[str, float], same: bool) -> Iterator[Change]:
-    """When each metric came near its final value, beside when it did in the baseline on the same machine."""
+    """When each metric came near its final value, now and in the baseline on the same machine."""
     said = [
         f"{metric} after {seconds:.1f} s" + (f" ({before[metric]:.1f} before)" if same and metric in before else "")
         for metric, seconds in now.items()

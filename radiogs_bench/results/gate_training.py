@@ -2,7 +2,7 @@
 
 On the machine of the baseline (processor, threads, library versions) values repeat: a relative difference above
 REPEATED, or any difference of a counter, is a change. Elsewhere rounding differs, and grows over a training: there the
-mean logarithm of a quantity's ratio over seeds is tested against that of reruns.
+mean logarithm of a quantity's ratio over seeds is tested against the same mean of reruns.
 """
 
 import math
@@ -30,20 +30,20 @@ from .training_steps import (
 )
 
 REPEATED = 1e-6
-"""Relative difference of a value of the first steps that a repetition on the same machine may have."""
+"""Largest relative difference of a value of the first steps between repetitions on one machine."""
 
 ELSEWHERE = 1e-3
 """Smallest logarithm of a ratio that counts on another machine. With 1 and 2 threads the first 8 steps of stage 1
-differ by up to 1e-5 (scene corner, presets smoke and tiny); what comes later is compared with the reruns."""
+differ by up to 1e-5 (scene corner, presets smoke and tiny); later steps are compared with the reruns."""
 
 COUNTED = 1e-4
-"""The same for counters of work: with 1 and 2 threads, those of stage 1 differ by up to 1e-4."""
+"""The smallest such logarithm for counters of work: with 1 and 2 threads, stage 1's differ by up to 1e-4."""
 
 COSTS = ("node_visits", "leaf_visits", "bytes_read")
-"""Counters of how something is computed: fewer are better. All others say what is computed."""
+"""Counters of how a value is computed: fewer are better. All other counters tell what is computed."""
 
 SLOWER, MUCH_SLOWER = 1.1, 1.3
-"""Ratios of the time to the baseline's: from the first on it is said, from the second on it may fail."""
+"""Ratios of the time to the baseline's: the first causes a warning, the second may fail the gate."""
 
 MOST_LINES = 5
 """Quantities of one stage that are listed, largest difference first."""
@@ -62,14 +62,14 @@ class Change:
     """One difference from the baseline, in words. Regressions fail the gate, and changes unless they are accepted."""
 
     cell: str
-    """The label of a cell, or what it is about: a row on a scene, all cells, the baseline."""
+    """The label of a cell, or the subject of the difference: a row on a scene, all cells, the baseline."""
     what: str
     severity: Literal["regression", "changed", "better", "warning", "remark"] = "regression"
 
 
 @dataclass(frozen=True)
 class QuantityChange:
-    """A difference of a quantity of one stage: its size (for the order of lines), and in words."""
+    """A difference of one quantity of a stage: its size, by which lines are ordered, and its text."""
 
     size: float
     what: str
@@ -121,7 +121,7 @@ def compare_training(
 
 
 def _lacking(title: str, kept: Mapping[str, Any], stages: Mapping[str, list[str]]) -> Iterator[Change]:
-    """The stages whose gradients and updates are not there to be compared; ``stages``: those of each row and scene."""
+    """A remark on stages without gradients and updates to compare; ``stages``: the stages of each row and scene."""
     without: dict[str, list[str]] = {}
     for group, names in stages.items():
         for name in names:
@@ -202,7 +202,7 @@ def _counted(group: str, counter: str, now: int, before: int, further: str) -> C
 def compare_time(
     found: Mapping[str, Result], baseline: Mapping[str, Any], same: bool, slow_fails: bool
 ) -> Iterator[Change]:
-    """Training's time in that of a fixed computation which was timed beside it, over all cells."""
+    """Compare training time, in units of a fixed computation timed beside it (the yardstick), over all cells."""
     paces = [(pace_of(result), baseline["cells"][name]["pace"]) for name, result in found.items()]
     ratios = [math.log(now / before) for now, before in paces if now and before]
     if len(ratios) < len(paces) or not ratios:

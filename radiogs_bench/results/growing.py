@@ -1,7 +1,7 @@
-"""Reports that grow while a run goes on: they are written again once a further scene has all of its rows.
+"""Reports that grow during a run: they are rewritten whenever all rows of another scene are finished.
 
-A process of its own writes them, over the complete scenes alone and without pictures. Neither its errors nor its memory
-reach the run: the peaks of memory that cells measure stay what they were.
+A separate process writes them, over the complete scenes alone and without pictures, so that its errors and its memory
+do not affect the run or the peaks that cells measure.
 """
 
 import json
@@ -27,20 +27,20 @@ PAUSE = 20.0
 at most a twentieth of its time."""
 
 FIRST_SECONDS = 60.0
-"""Shortest time from the beginning of a run to its first table; a shorter run shows the one at its end."""
+"""Shortest time from the beginning of a run to its first table; a shorter run shows only the table at its end."""
 
 LONGEST_SECONDS = 600.0
-"""Time after which that process is ended: the run waits for it."""
+"""Time after which the writing process is ended, because the run waits for it."""
 
 Report = Callable[[Sequence[str]], str]
 """Writes the reports over some scenes; returns the text that it prints. Raises StoreError."""
 
 
 class GrowingReports(ForwardingProgress):
-    """Passes everything on; says when a further scene is complete, and has the reports written.
+    """Forwards progress; when a further scene is complete, reports it and has the reports written.
 
     A scene is complete once each of its cells has finished, or has failed in this run. The lines that ``report`` prints
-    are said once, for the first table, or never without ``table``. The last scene is left to the end of the run, which
+    are shown once, for the first table, or never without ``table``. The last scene is left to the end of the run, which
     writes its reports in any case.
     """
 
@@ -94,7 +94,7 @@ class GrowingReports(ForwardingProgress):
         return None
 
     def _write(self) -> None:
-        """Have the reports written over the complete scenes; an error is said, and the next scene tries again."""
+        """Have the reports over the complete scenes written; an error is shown, and the next scene tries again."""
         self.written = len(self.complete)
         try:
             lines = self.report(self.complete).splitlines()
@@ -134,7 +134,7 @@ def reported(folder: Path, scenes: Sequence[str], width: int | None) -> str:
 
 
 def growing(plan: RunPlan, store: Store, progress: Progress, table: bool) -> Progress:
-    """The progress of a run whose reports grow; as it is for a single scene, or for one part of several."""
+    """The progress of a run with growing reports; unchanged for a single scene or one part of several."""
     parts = plan.spec.shard[1]
     if parts > 1 or len(plan.scenes) == 1:
         return progress

@@ -1,4 +1,4 @@
-"""Whether trainings of suite ``hard-training``, under conditions that should change nothing, keep the metrics."""
+"""Whether trainings of suite ``hard-training``, under conditions that should not matter, keep the metrics."""
 
 from collections.abc import Iterable, Mapping
 from statistics import fmean
@@ -18,7 +18,7 @@ SAME = tuple(name for name, condition in CONDITIONS.items() if condition.same)
 
 
 def invariance_kept(store: Store, cells: Iterable[CellRef]) -> str:
-    """A sentence on how much metrics change under these conditions. Raises NumericalFailure if any changes too much."""
+    """A sentence on how much metrics change between conditions. Raises NumericalFailure if one changes too much."""
     changes = _changes(store, cells)
     beyond = [text for text, share in changes if not share < 1]
     if beyond:

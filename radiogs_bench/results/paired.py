@@ -1,8 +1,8 @@
 """Paired differences of a run from its baseline, judged against the noise of a rerun.
 
 A rerun is the baseline's run again with another number of threads: the same sources, other rounding. Its differences
-from the baseline are noise alone. The differences of the judged run are tested against zero with the variance of both,
-each about its own expected value: the judged ones about their mean, those of the rerun about zero.
+from the baseline are noise alone. The judged run's differences are tested against zero with the pooled variance of
+both: the judged differences vary about their mean, the rerun's about zero.
 """
 
 import math
@@ -13,15 +13,15 @@ from scipy.optimize import brentq
 from scipy.stats import nct, norm, t
 
 ERROR_RATE = 0.01
-"""Share of gates over an unchanged tree that may find anything in one family (metrics, training, work), after Holm's
+"""Familywise error rate of a gate on an unchanged tree for each family (metrics, training, work), by Holm's
 correction."""
 
 BAND = 4.0
-"""Standard deviations that a single value may differ by, where it cannot be tested: over the baseline's seeds where the
-noise of a rerun is not known; of a rerun where there is a single seed."""
+"""Tolerance of a single value that cannot be tested, in standard deviations: over the baseline's seeds if the rerun
+noise is unknown; of a rerun if there is a single seed."""
 
 POWER, SIMULATED_POWER = 0.8, 0.75
-"""Shares of runs in which a stated loss is found: if a rerun's spread were known, and as it is estimated from it."""
+"""Power of the stated losses: with a known spread of reruns, and with the spread estimated from them."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Paired:
     """Differences of one quantity over the seeds of a row on a scene, and the same differences of reruns."""
 
     differences: Sequence[float]
-    """Now - baseline by seed; gains are positive where there is a better direction."""
+    """Current value - baseline by seed; positive is better if the quantity has a better direction."""
     noise: Sequence[float]
     """Rerun - baseline by seed and rerun; never empty."""
 
@@ -40,7 +40,7 @@ class Paired:
 
     @property
     def rerun(self) -> float:
-        """Root of the mean square of the rerun's differences."""
+        """Root mean square of the rerun's differences."""
         return root_mean_square(self.noise)
 
     @property
@@ -52,7 +52,7 @@ class Paired:
     def p_value(self) -> float:
         """One-sided p value of a mean that is not in the direction of ``mean``.
 
-        With a single seed it is 0 beyond BAND times ``rerun`` and else 1: nothing is known of the differences' spread.
+        With a single seed, whose spread is unknown, it is 0 beyond BAND times ``rerun``, else 1.
         """
         mean = self.mean
         if len(self.differences) == 1:
@@ -64,7 +64,7 @@ class Paired:
         return float(t.sf(abs(mean) / math.sqrt(variance / len(self.differences)), self.freedom))
 
     def beyond(self, adjusted: float, floor: float) -> bool:
-        """Whether the mean is no noise: by its adjusted p value, and by its size beside a rerun's and ``floor``."""
+        """Whether the mean exceeds noise: by its adjusted p value, and by its size beside ``rerun`` and ``floor``."""
         return adjusted < ERROR_RATE and abs(self.mean) > max(self.rerun, floor)
 
 
@@ -74,7 +74,7 @@ def root_mean_square(values: Sequence[float]) -> float:
 
 
 def detectable(noise: Sequence[float], seeds: int, tests: int, floor: float) -> float:
-    """The mean loss that ``Paired.beyond`` finds in POWER of all runs, in a family of so many ``tests``."""
+    """The smallest mean loss that ``Paired.beyond`` finds with power POWER, in a family of so many ``tests``."""
     deviation = root_mean_square(noise)
     if deviation == 0:
         return floor

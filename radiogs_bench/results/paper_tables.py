@@ -2,7 +2,7 @@
 
 The table that the run's suite reproduces has the run's own results; where their scenes, image size or budget are not
 the paper's, each row says what ran. Other tables are filled from the same store only with results of their own scenes,
-image size and budget: those of the row's method and variant, and of the sources, protocol, device and seeds of the run.
+image size and budget, the row's method and variant, and the run's sources, protocol, device and seeds.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -42,7 +42,7 @@ RELIGHT_RAYS = ("relight_hemisphere_samples", "relight_light_samples")
 GROUPS = {name: task.label for name, task in TASKS.items()}
 
 WHOLE_VIEWS = "100"
-"""Ending of the rows of table ``views`` that changes are relative to (percent of the views)."""
+"""Ending of the keys of those rows in table ``views`` to which changes are relative (percent of the views)."""
 
 Rows = Mapping[str, list[Result]]
 """Results by row of the table."""
@@ -76,7 +76,7 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
 
 
 def belongs(result: Result, mine: Iterable[Result], seeds: Iterable[int]) -> bool:
-    """Whether a result has the sources, protocol, device, scene and seed of one of this run's results."""
+    """Whether a result shares sources, protocol, device, scene and seed with one of this run's results."""
     made_alike = any(
         all(result["cell"][name] == other["cell"][name] for name in SHARED_BY_A_RUN)
         and result["scene"] == other["scene"]
@@ -89,7 +89,7 @@ SHARED_BY_A_RUN = ("checksum", "loader", "device", "protocol", "method", "method
 
 
 def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str) -> Rows:
-    """The results of each row of a suite. A row that the preset is too small for is left out."""
+    """The results of each row of a suite, without rows for which the preset is too small."""
     results, found = list(results), {}
     for row in rows:
         used = method(row.method)
@@ -109,7 +109,7 @@ def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str)
 
 
 def _as_published(row: Row, used: Method, layout: str, scene: str) -> dict[str, Any]:
-    """The variant of a row on a scene as plain values, by the recipe with the published values if there is one."""
+    """A row's variant on a scene as plain values, by the recipe with the published values if the method has one."""
     recipe = used.published_recipe if isinstance(used, OffersRecipes) else ""
     return to_plain(variant_by_recipe(used, recipe, layout, scene, row.variant))
 
@@ -175,7 +175,7 @@ def _fill_column(
 
 
 def paper_column(name: str, table: PublishedTable, rules: str) -> PaperColumn:
-    """A column's headings, the number of decimals that the paper prints, and by whose conventions."""
+    """A column's headings, the paper's number of decimals, and the protocol whose conventions it has."""
     task, measure, *scene = name.split("/")
     known, column = MEASURES.get(measure), table.columns[name]
     heading = known.label if known else MEASURED_APART[measure]
@@ -209,7 +209,7 @@ def sample(found: MeasuredRows, row: str, column: str) -> Sample:
 
 
 def value_of(result: Result, task: str, measure: str) -> float | None:
-    """A result's value: a metric, a timing, hours of training, or rays per surfel when relit; None if missing."""
+    """A result's value: a metric, a timing, hours of training, or rays per surfel when relit; None if not measured."""
     if measure == "hours":
         return training_seconds(result) / 3600
     if measure == "samples":
@@ -221,7 +221,7 @@ def value_of(result: Result, task: str, measure: str) -> float | None:
 
 
 def why_not(rows: Rows, row: str, column: str, suite: Suite | None) -> str:
-    """Why a value was not measured."""
+    """Why a value is missing."""
     _, measure, *scenes = column.split("/")
     results = rows.get(row, [])
     if results:
@@ -248,7 +248,7 @@ COSTS = ("ms", "megabytes", "hours")
 
 
 def ran(results: Sequence[Result], table: PublishedTable, row: Row) -> str:
-    """A row's label with what ran for it; empty where the conditions are the published row's."""
+    """A row's label with the conditions that differ from the published row's; empty if none does."""
     if not results or all_as_published(results, table, row):
         return ""
     text = with_numbers(row.text, results[0]["cell"]["budget"])
@@ -287,7 +287,7 @@ def _changes(results: Sequence[Result], row: Row) -> list[str]:
 
 
 def _budgets(results: Sequence[Result]) -> str:
-    """The preset, and the numbers of it that the paper has symbols for."""
+    """The preset, its changed numbers, and the numbers that have a symbol in the paper."""
     budget = results[0]["cell"]["budget"]
     parts = budget["name"].split(", ")
     preset = ", ".join([parts[0], *(part for part in parts[1:] if " = " in part)])  # the others are a row's factors
@@ -296,7 +296,7 @@ def _budgets(results: Sequence[Result]) -> str:
 
 
 def _sizes(results: Sequence[Result]) -> str:
-    """The images' size, or the smallest and the largest."""
+    """The images' size; the smallest and the largest if sizes differ."""
     found = sorted({(result["data"]["width"], result["data"]["height"]) for result in results if "data" in result})
     if not found:
         return "image size not stored"

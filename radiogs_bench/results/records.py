@@ -46,7 +46,7 @@ RECORDS = Path(__file__).parents[1] / "records"
 
 
 def record_of(store: Store, sweep: Sweep) -> RecordedRun:
-    """The record of a run, without rows that were scored from files. Raises DataError unless every cell is finished."""
+    """The record of a run without rows scored from files. Raises DataError unless every cell is finished."""
     own = measured(sweep)
     finished_results(store, own, "A record with missing cells would pass for the whole run.")
     made = summarise(store, own, *values_beside(own["published"], own["columns"]))
@@ -87,7 +87,7 @@ def _cell(made: Summary, row: str, column: str, cell: CellSummary) -> RecordedCe
 
 
 def _grids(report: Report) -> list[RecordedGrid]:
-    """The tables of a report, the first one with its sentences, but for one that the table's note already has."""
+    """The tables of a report, the first one with its sentences except the one that the table's note repeats."""
     first = [each for each in report.sentences if each not in [grid.note for grid in report.grids[:1]]]
     return [
         RecordedGrid(
@@ -102,7 +102,7 @@ def _grids(report: Report) -> list[RecordedGrid]:
 
 
 def without_out(words: Sequence[str]) -> list[str]:
-    """The words of a command without the folder of its results, which decides none of them."""
+    """A command's words without the folder of its results, which does not affect the results."""
     kept, left = [], iter(words)
     for word in left:
         if word == "--out":
@@ -118,13 +118,13 @@ def write_record(path: Path, runs: Sequence[RecordedRun]) -> None:
 
 
 def read_record(path: Path) -> list[RecordedRun]:
-    """The runs of a record. Raises DataError for any other file, and for one that was changed after it was made."""
+    """The runs of a record. Raises DataError for any other file, and for a changed record."""
     remedy = f"Make one:  radiogs-bench record OUT --to {path}"
     return cast(list[RecordedRun], read_kept(path, "record", RECORD_SCHEMA, ("runs",), remedy)["runs"])
 
 
 def records_of(suite: str) -> list[RecordedRun]:
-    """The project's own record of a suite; empty where there is none, or one that cannot be used, with a warning."""
+    """The project's own record of a suite; empty if it is missing, or unusable (then with a warning)."""
     path = RECORDS / f"{plain_name(suite, 'the name of a suite')}.json"
     if not path.exists():
         return []

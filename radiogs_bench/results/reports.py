@@ -41,7 +41,7 @@ class Shown:
     scenes: Sequence[str] = ()
     """The scenes that are reported on; all, if it is empty."""
     pictures: bool = True
-    """Whether there are figures, images and surfels, which take nearly all of the time."""
+    """Whether figures, images and surfels are made, which take nearly all of the time."""
     beside: Path | None = None
     """Folder of another run, to which this one is compared."""
 
@@ -94,7 +94,7 @@ def run_beside(summary: Summary, folder: Path) -> OtherRun:
 
 
 EARLIER = "earlier"
-"""Folder of earlier reports below that of the results; each run has a folder in it (``name_of``)."""
+"""Folder of earlier reports within the folder of results; each run has its own folder in it (``name_of``)."""
 
 SAME_RUN = ("suite", "preset", "marks", "protocol", "device")
 """Entries of the manifest that a continued run shares with the one that it continues."""
@@ -120,7 +120,7 @@ def keep_reports(store: Store, coming: Sweep) -> Path | None:
 
 @contextmanager
 def damage_explained() -> Iterator[None]:
-    """Turn the reports' refusal of a file in the run's folder into a DataError."""
+    """Turn an error of the reports about a file in the run's folder into a DataError."""
     try:
         yield
     except Unusable as refusal:
@@ -136,7 +136,7 @@ def name_of(run: Sweep) -> str:
 
 
 def _is_own_file(folder: Path, name: str) -> bool:
-    """Whether a name in the record is a file of the folder, or of one of its folders of reports, and not a link."""
+    """Whether a recorded name is a regular file in the folder or in one of its report folders, and not a link."""
     *within, last = name.split("/")
     plain = PLAIN.fullmatch(last) is not None and within in ([], ["tables"], ["figures"], ["report_files"])
     places = [folder.joinpath(*within), folder / name]
@@ -144,7 +144,7 @@ def _is_own_file(folder: Path, name: str) -> bool:
 
 
 def verdicts(plan: RunPlan, store: Store) -> list[str]:
-    """The last sentences of suites ``stability`` and ``hard-training``. Raises NumericalFailure beyond tolerances."""
+    """The final sentences of suites ``stability`` and ``hard-training``. Raises NumericalFailure beyond tolerances."""
     if plan.suite.experiment == STABILITY:
         return [tolerances_kept(store, [cell.key for _, cell in plan.own_cells])]
     if plan.suite.name == HARD_TRAINING.name:

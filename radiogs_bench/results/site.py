@@ -1,4 +1,4 @@
-"""Publishes finished runs and records as a static site; no folder of this machine is named in it."""
+"""Publishes finished runs and records as a static site that names no folder of this machine."""
 
 import hashlib
 import json
@@ -39,14 +39,14 @@ OWN = re.compile(rf"index\.html|{re.escape(DATA)}|(pages|pictures)/(?!\.)[\w.-]+
 """Names of the files of a site."""
 
 FREE = re.compile(r"CC0( 1\.0)?|CC BY( \d\.\d)?|public domain|Apache-2\.0|MIT")
-"""Licences by which anybody may show pictures of a scene."""
+"""Licences that allow anybody to show pictures of a scene."""
 
 FOLDERS = re.compile(r"(?<![\w.:/<])/(?:[^\s/'\"\\,;:()=]+/)*(?=[^\s/'\"\\,;:()=])")
-"""The folders of an absolute path in a text."""
+"""Pattern of the folders of an absolute path in a text."""
 
 
 class _Run(NamedTuple):
-    """A run's folder, whose cells are as they were stored; None among ``results`` is a cell that has not finished."""
+    """A run's folder, with cells as they were stored; ``results`` has None for an unfinished cell."""
 
     store: Store
     sweep: Sweep
@@ -85,7 +85,7 @@ def publish(sources: Sequence[Path], to: Path, with_pictures_of: Collection[str]
 
 
 def _earlier(to: Path) -> dict[str, str]:
-    """The digests of an earlier site's files by name, where there is one. Raises UsageError for other files."""
+    """Digests of an earlier site's files by name; empty for a new folder. Raises UsageError if it holds other files."""
     if not to.exists() or (to.is_dir() and not any(to.iterdir())):
         return {}
     try:
@@ -107,7 +107,7 @@ def _earlier(to: Path) -> dict[str, str]:
 
 
 def _write(to: Path, earlier: Mapping[str, str], files: Iterator[tuple[str, bytes]]) -> None:
-    """Write the files and their checksums; files that the earlier site alone has go, unless they were changed."""
+    """Write the files and their checksums; remove unchanged files of the earlier site that the new one lacks."""
     made: dict[str, str] = {}
     for name, content in files:
         if name not in made:
@@ -134,7 +134,7 @@ def _by_row_and_scene(cells: Sequence[CellRef]) -> list[list[CellRef]]:
 
 
 def _facts(run: RunTable, told: Mapping[str, str], recipe: str, **further: str) -> dict[str, str]:
-    """The facts of a line. ``told``: the origin of its values."""
+    """The facts of a line of the site's table. ``told``: the origin of its values."""
     known = {
         "suite": run["suite"], "preset": run["preset"], "machine": run["machine"], "recipe": recipe,
         "division": division(recipe), "seeds": ", ".join(map(str, run["seeds"])),
@@ -159,7 +159,7 @@ def _lines_of_record(run: RecordedRun) -> Iterator[Line]:
 
 
 def _read_run(folder: Path) -> _Run:
-    """A run without rows that were scored from files. Raises DataError for a cell that is not as it was stored."""
+    """A run without rows scored from files. Raises DataError for a changed or damaged cell."""
     store, sweep = Store(folder), measured(read_sweep(folder))
     why = "A site shows only what the program has written."
     results = {ref["key"]: as_stored(store, ref["key"], sweep, why) for ref in sweep["cells"]}

@@ -1,4 +1,4 @@
-"""Where a run stands: the state of each of its cells, what works on it, and how long the rest will take."""
+"""The progress of a run: the state of each cell, the process at work on it, and the time left."""
 
 import math
 from collections.abc import Container, Mapping, Sequence
@@ -11,10 +11,10 @@ from ..store.schema import Result
 
 RUNNING = "running"
 UNFINISHED = ("to do", "begun")
-"""Beginnings of those states of ``sweep.state_of`` that mean: nothing is wrong, and work remains."""
+"""Beginnings of the states of ``sweep.state_of`` that mean: no error, and work remains."""
 
 SILENT_AFTER_SECONDS = 60.0
-"""A process that has written nothing for as long is said to be silent: it takes a long step, or has died."""
+"""A process that has written nothing for this long is shown as silent: it takes a long step, or has died."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,11 @@ class CellStanding:
     state: str
     pace: Pace | None
     left: bool = False
-    """Whether a process worked on it and has died: it has left a note of its progress, and nobody holds the claim."""
+    """Whether its process has died: a note of its progress is left, and nobody holds the claim."""
 
     @property
     def silent(self) -> bool:
-        """Whether what works on it has not been heard of for a while."""
+        """Whether its process has reported nothing for ``SILENT_AFTER_SECONDS``."""
         return self.pace is not None and self.pace.seconds_silent > SILENT_AFTER_SECONDS
 
 
@@ -42,12 +42,12 @@ class Standing:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more comes: every cell has finished or failed, or what ran has died."""
+        """Whether nothing is running or left to run: every cell has finished or failed, or the processes have died."""
         done = all(cell.state == FINISHED or cell.state.startswith("failed") for cell in self.cells)
         return done or (not self.count(RUNNING) and any(cell.left for cell in self.cells))
 
     def count(self, state: str) -> int:
-        """Cells of a state."""
+        """Number of cells in a state."""
         return sum(cell.state == state for cell in self.cells)
 
 
@@ -60,7 +60,7 @@ def standing_of(store: Store, sweep: Sweep) -> Standing:
 
 
 def _seconds_left(store: Store, sweep: Sweep) -> float | None:
-    """Seconds of one process that runs what is left."""
+    """Seconds that one process needs for the remaining work."""
     found = {ref["key"]: store.result(ref["key"]) for ref in sweep["cells"]}
     results = {key: result for key, result in found.items() if result is not None}
     keys = {key for ref in sweep["cells"] for key in ref["stages"]}
@@ -78,7 +78,7 @@ def _cell(store: Store, ref: CellRef) -> CellStanding:
 
 
 def _with_those_that_wait(store: Store, cells: Sequence[CellStanding]) -> list[CellStanding]:
-    """Cells whose next stage is the one that a running cell is training are not begun: they will share it."""
+    """Mark unbegun cells whose next stage a running cell is training as waiting: they will share the stage."""
     following = {cell.ref["key"]: _next_stage(store, cell.ref) for cell in cells if cell.state != FINISHED}
     trained = {following[cell.ref["key"]] for cell in cells if cell.state == RUNNING} - {None}
     return [
@@ -90,7 +90,7 @@ def _with_those_that_wait(store: Store, cells: Sequence[CellStanding]) -> list[C
 
 
 def _next_stage(store: Store, ref: CellRef) -> str | None:
-    """The key of the first stage that is not in the store; None where all are."""
+    """The key of the first stage that is not in the store; None if all are."""
     return next((key for key in ref["stages"] if not store.has_tensors(product_name(key))), None)
 
 
@@ -120,14 +120,14 @@ def _plain(cell: CellStanding) -> dict[str, object]:
 
 
 AFTERWARDS = -1
-"""Stands for the position of a stage: everything after training."""
+"""Key, in place of a stage's position, of all work after training."""
 
 
 @dataclass(frozen=True)
 class WorkLeft:
-    """``cells`` to be finished, for which ``stages`` have to be trained; one that cells share counts once.
+    """Unfinished ``cells``, and ``stages`` left to train for them; a stage that cells share counts once.
 
-    seconds: of one process that does one after the other; None if nothing like one of them was ever finished.
+    ``seconds``: time of a single process; None if no similar cell was ever finished.
     """
 
     cells: int
@@ -138,8 +138,8 @@ class WorkLeft:
 def work_left(refs: Sequence[CellRef], results: Mapping[str, Result], products: Container[str]) -> WorkLeft:
     """The cells of ``refs`` without a result, and their stages without a product.
 
-    A stage takes as long as those of the same row did, else as those of all rows. Steps of an unfinished
-    stage that a checkpoint holds are not taken off.
+    A stage's time is estimated by the same row's stages, else by all rows' stages. Steps of an unfinished stage that a
+    checkpoint holds are not taken off.
     """
     by_row: dict[tuple[str, int], list[float]] = {}
     overall: dict[int, list[float]] = {}

@@ -1,4 +1,4 @@
-"""The results that a gate compares: of the installed sources, and with values of the types that were stored."""
+"""The results that a gate compares: made by the installed sources, and with values of the stored types."""
 
 import math
 import shlex
@@ -32,7 +32,7 @@ AGAIN = "Run the same command again, which makes what has changed anew"
 
 
 class Identity(TypedDict):
-    """The part of a stored cell that says which sources made it."""
+    """The part of a stored cell that identifies the sources that made it."""
 
     checksum: str
     loader: str
@@ -45,14 +45,14 @@ class Identity(TypedDict):
 
 @dataclass(frozen=True)
 class StoredCells:
-    """Results of a run's cells by label; None where a cell has not finished."""
+    """Results of a run's cells by label; None for an unfinished cell."""
 
     results: Mapping[str, Result | None]
     unchecked: tuple[str, ...]
     """Sentences on what could not be compared with the installed sources."""
 
     def finished(self) -> dict[str, Result]:
-        """Those that there are."""
+        """The finished results by label."""
         return {name: result for name, result in self.results.items() if result is not None}
 
 
@@ -70,8 +70,8 @@ def stored_cells(store: Store, sweep: Sweep) -> StoredCells:
 
 
 def as_stored(store: Store, key: str, sweep: Sweep, why: str) -> Result | None:
-    """The result of a cell, or None where it has not finished; no file is moved. Raises DataError where it is not as it
-    was stored; ``why`` that is refused.
+    """A cell's result, None if unfinished; no file is moved. Raises DataError if the result is not as it was stored;
+    ``why``: the reason to refuse it.
     """
     try:
         result = store.sealed_result(key)
@@ -90,7 +90,7 @@ def as_stored(store: Store, key: str, sweep: Sweep, why: str) -> Result | None:
 
 
 def _unlike_its_views(result: Result, rules: Protocol) -> str:
-    """The first metric whose value is not the mean of its views', in words; empty for none."""
+    """The first metric whose value is not the mean of its views' values, in words; empty if all agree."""
     for name, metric in result["metrics"].items():
         value, views = metric["value"], [Value(each) for each in metric["views"] if each is not None]
         mean = rules.mean(views, name).value
@@ -104,7 +104,7 @@ def _command(sweep: Sweep) -> str:
 
 
 def _require_installed(finished: Mapping[str, Result], sweep: Sweep) -> Iterator[str]:
-    """Raises DataError where other sources made results; yields what could not be compared."""
+    """Raises DataError for results made by other sources; yields sentences on results that could not be compared."""
     stale: dict[str, list[str]] = {}
     for name, result in finished.items():
         try:
@@ -125,7 +125,7 @@ def _require_installed(finished: Mapping[str, Result], sweep: Sweep) -> Iterator
 
 
 def _other_sources(cell: Mapping[str, Any], layout: str) -> list[str]:
-    """Which sources of a cell are not the installed ones. Raises UsageError for a method that is not installed."""
+    """Names of a cell's sources that differ from the installed ones. Raises UsageError for a missing method."""
     kind = EXPERIMENTS.get(cell["experiment"])
     if kind is None:
         return ["the experiment, which is no more"]
@@ -147,7 +147,7 @@ def _other_sources(cell: Mapping[str, Any], layout: str) -> list[str]:
 
 
 def _loaders(layout: str, on_surfaces: bool) -> set[str]:
-    """Digests of what may have read a scene in a folder: reduced or not, with surfaces or without."""
+    """Digests of every loader that may have read a scene in a folder: reduced or not, with surfaces or without."""
     reduced, by_surfaces = ((), (reduction.__name__,)), ((), (surfaces.__name__,)) if on_surfaces else ((),)
     load = LAYOUTS[layout].load.__module__
     return {code_digest(load, *more, *known) for more, known in product(reduced, by_surfaces)}

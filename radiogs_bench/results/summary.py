@@ -86,7 +86,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
 
 
 PARTED = ("image", "albedo", "indirect", "relit")
-"""Kinds of kept images whose error is parted into what differs between seeds and what does not."""
+"""Kinds of kept images whose error is split into variance over seeds and a part that all seeds share."""
 
 
 def error_parts(store: Store, finished: Sequence[tuple[CellRef, Result]]) -> dict[str, dict[str, ErrorParts]]:
@@ -137,7 +137,7 @@ def require_one_version(store: Store, finished: Iterable[Result]) -> None:
 
 
 def columns_of(sweep: Sweep) -> list[ColumnSummary]:
-    """The columns' headings, and by which protocol published values are, where its conventions are others."""
+    """The columns' headings, and the protocol of published values if its conventions differ."""
     columns = [column_summary(Metric.of(key)) for key in sweep["columns"]]
     if sweep["published"]:
         theirs = published_table(sweep["published"]).conditions.protocol
@@ -182,7 +182,7 @@ def _fill_column(made: Summary, column: ColumnSummary, cells: Finished, sweep: S
 
 
 def leave_out_without_weights(made: Summary) -> None:
-    """Take out the columns that no row has a value of because LPIPS lacks its weights, and say so in a remark."""
+    """Remove columns that are empty because LPIPS lacks its weights, and state it in a remark."""
     for column in list(made["columns"]):
         cells = [made["cells"][row["key"]][column["key"]] for row in made["rows"]]
         reasons = [cell["reason"] or "" for cell in cells]
@@ -218,7 +218,7 @@ def shown_values(result: Result) -> dict[str, MetricValue]:
 
 
 def lacking(cells: Finished, sweep: Sweep, line: TableRow) -> str | None:
-    """Which of the run's scenes and seeds a row that was scored from files has no files of; None if it has all."""
+    """The run's scenes and seeds that a row scored from files lacks, as a sentence; None if it has all."""
     there = {(ref["scene"], ref["seed"]) for ref, _ in cells if ref["row"] == line["key"]}
     missing = [
         f"{scene} seed {seed}" for scene in sweep["scenes"] for seed in sweep["seeds"] if (scene, seed) not in there
@@ -234,7 +234,7 @@ COSTS = ("ms", "megabytes", "seconds", "rays")
 
 
 def why_absent(scene: str, result: Result, column: str) -> str:
-    """Why a result lacks a metric: the method or the files have no such map, or the scene has no truth for it."""
+    """Why a result lacks a metric: the method or the files lack the map, or the scene has no truth for it."""
     task, _, measure = column.partition("/")
     wanted = MAP_OF.get(task, task)
     if is_from_files(result):
@@ -259,11 +259,11 @@ COMPARED = {
 """Maps that are compared, in words."""
 
 FILES_OF = {"image": "images", "relit": "relit images", "normal": "normals", "indirect": "indirect light"}
-"""Display names of maps that score folders may lack."""
+"""Display names of maps that folders of files may lack."""
 
 
 def row_seconds(cells: Finished, row: str, sweep: Sweep) -> float | None:
-    """Mean training seconds over the row's finished cells; None where nothing was trained."""
+    """Mean training seconds over the row's finished cells; None for rows without training."""
     spent = {
         origin_in(sweep, ref["scene"], ref["seed"]): training_seconds(result)
         for ref, result in cells
@@ -314,10 +314,10 @@ def run_summary(store: Store, sweep: Sweep, ref: CellRef, result: Result | None)
 
 
 COPIED = ("stages", "seconds", "work", "guards", "losses", "trail", "sessions")
-"""Parts of a result that its summary takes as they are; a cell without a result has none of their entries."""
+"""Parts of a result that its summary copies; they are empty for a cell without a result."""
 
 ALONE = ("effects", "surfels", "view", "light", "arrays")
-"""Single values of a summary; a cell without a result has none."""
+"""Single values of a summary; absent for a cell without a result."""
 
 
 def values_by_view(metrics: Mapping[str, MetricValue], columns: Sequence[str]) -> dict[str, list[float | None]]:

@@ -17,7 +17,7 @@ Quantities = dict[str, list[float | None]]
 """Values by quantity; None at a step that does not have it."""
 
 DIGITS = 9
-"""Significant digits that are kept: more than float32 has."""
+"""Significant digits of stored values: more than float32 has."""
 
 
 def kept_quantities(result: Result) -> Quantities:
@@ -40,7 +40,7 @@ def _rounded(value: float) -> float:
 
 
 def misshapen(quantities: Any) -> bool:
-    """Whether what was read from a file is anything else than quantities."""
+    """Whether content read from a file does not have the structure of quantities."""
     return not isinstance(quantities, Mapping) or not all(
         isinstance(values, list) and values and all(value is None or is_number(value) for value in values)
         for values in quantities.values()
@@ -48,7 +48,7 @@ def misshapen(quantities: Any) -> bool:
 
 
 def log_ratios(now: Mapping[str, Any], before: Mapping[str, Any]) -> dict[str, float | str]:
-    """By quantity, the mean logarithm of the ratio of its sizes over common steps; words where there is no ratio."""
+    """By quantity, the mean logarithm of the ratio of its sizes over common steps; a text if no ratio exists."""
     found: dict[str, float | str] = {}
     for name in [*before, *(name for name in now if name not in before)]:
         if name not in now or name not in before:
@@ -71,7 +71,7 @@ def _ratio(pairs: list[tuple[float, float]]) -> float | str:
 
 
 def largest_difference(now: list[float | None], before: list[float | None]) -> float:
-    """Largest difference of two lists, relative to the larger value of each pair; infinite where one lacks a value."""
+    """Largest difference of two lists, relative to the larger value of each pair; infinite if one lacks a value."""
     if len(now) != len(before):
         return math.inf
     return max((_relative(b, a) for b, a in zip(now, before, strict=True)), default=0.0)
@@ -94,7 +94,7 @@ def counters_of(work: Work) -> Iterator[tuple[str, int]]:
 
 
 def work_ratios(now: Work, before: Work) -> dict[str, float | str]:
-    """By counter, the logarithm of the ratio of its amounts; in words where one of them is zero or not there."""
+    """By counter, the logarithm of the ratio of its amounts; a text if one of them is zero or missing."""
     ours, theirs = dict(counters_of(now)), dict(counters_of(before))
     found: dict[str, float | str] = {}
     for name in [*theirs, *(name for name in ours if name not in theirs)]:

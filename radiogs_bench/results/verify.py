@@ -1,4 +1,4 @@
-"""Looks at every stored file of a folder, changes nothing, and says what a rerun would cost."""
+"""Checks every stored file of a folder without changing any, and reports what a rerun would cost."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ RECORDS = ("score.json", "mesh.json", "rehearsal.json")
 
 @dataclass(frozen=True)
 class DamagedFile:
-    """A file that is not as it was stored, by its path within the folder, and how that shows."""
+    """A file that differs from what was stored: its path within the folder, and the evidence of the difference."""
 
     path: str
     what: str
@@ -49,7 +49,7 @@ class Verified:
     """The work that the last run has left; None for a folder of `train`, and where the manifest cannot be used."""
 
     def look(self, path: str, check: Callable[[], object]) -> bool:
-        """Whether a file passes a check that raises where it does not agree."""
+        """Whether a file passes a check, which raises for a damaged file."""
         try:
             check()
         except OtherSchema:
@@ -63,7 +63,7 @@ class Verified:
 
 
 def _how(error: Exception) -> str:
-    """How it shows that a file is not as it was stored."""
+    """The evidence that a file differs from what was stored."""
     if isinstance(error, Broken):
         return str(error)
     if isinstance(error, FileNotFoundError):
@@ -72,7 +72,7 @@ def _how(error: Exception) -> str:
 
 
 def verify(folder: Path) -> Verified:
-    """Check all files that carry a seal, a digest or a name. Raises DataError where the folder is no run."""
+    """Check all files with a seal, a digest or a name. Raises DataError for a folder without such files."""
     store, found = Store(folder), Verified()
     readers: Mapping[str, Callable[[Path], object]] = {
         "sweep.json": read_sweep, "trained.json": read_about, "summary.json": read_summary,

@@ -1,4 +1,4 @@
-"""Cells: the unit of running, storing and resuming, with keys over everything that decides a result."""
+"""Cells: the unit of running, storing and resuming, with keys over everything that affects a result."""
 
 import json
 from collections.abc import Mapping
@@ -46,13 +46,13 @@ class Cell(Work):
     """One training and its evaluation: scene x method x variant x budget x seed, scored under a protocol.
 
     ``checksum`` digests the scene's files, ``loader`` the sources that read them, ``method_code`` those of the method
-    and ``evaluation_code`` those that score it (see ``sources``). ``device`` is the kind of machine ("cpu" or "cuda"),
-    because their seconds and last digits differ. The suite is not part of a cell: two suites that share a row share
-    its result. ``experiment`` is the kind of work (see ``experiment``), ``settings`` are that experiment's own.
+    and ``evaluation_code`` those that score it (see ``sources``). ``device`` is "cpu" or "cuda", because seconds and
+    last digits differ between them. The suite is not part of a cell: two suites that share a row share its result.
+    ``experiment`` is the kind of work (see ``experiment``), ``settings`` belong to that experiment.
 
-    Each stage's key is over what its product depends on and nothing else, so that cells share stages; ``key`` names the
-    scored result. ``found_as`` is the argument of ``methods.method``: the method's name, or the path of its TOML file,
-    which is not part of the key. Make cells with ``cell_of``.
+    Each stage's key covers exactly what its product depends on, so that cells share stages; ``key`` names the scored
+    result. ``found_as`` is the argument of ``methods.method``: the method's name, or the path of its TOML file, which
+    is not part of the key. Make cells with ``cell_of``.
     """
 
     scene: str
@@ -66,7 +66,7 @@ class Cell(Work):
 
     @property
     def training_key(self) -> str | None:
-        """Key of the trained model: that of the last stage; None for an experiment that trains nothing."""
+        """Key of the trained model, which is the last stage's key; None for an experiment without training."""
         return self.stages[-1].key if self.stages else None
 
     @property
@@ -136,13 +136,13 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
 
 
 def _read_by(spec: StageSpec | SharedStart, scene: Scene) -> dict[str, Any]:
-    """Fields and digests of sources that a stage, or its start, depends on beside its input."""
+    """Fields of settings and digests of sources that a stage, or its start, depends on besides its input."""
     read = {"reads": json.loads(json.dumps(spec.reads, allow_nan=False)), "code": code_digest(*spec.sources)}
     return read | ({"surfaces": code_digest(*scene.surfaces_by)} if spec.uses_surfaces else {})
 
 
 def evaluation_code(experiment: Experiment, method: Method | None = None) -> str:
-    """Digest of what turns a model, or somebody's files, into metrics; it names LPIPS networks without weights."""
+    """Digest of the sources that turn a model or files into metrics; it names LPIPS networks without weights."""
     shown_by = method.sources if experiment.trains and method is not None else ()
     digest = code_digest(*experiment.sources, *shown_by)
     missing = [net for net in FILES if missing_weights(net)]

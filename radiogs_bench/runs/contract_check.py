@@ -1,4 +1,4 @@
-"""Whether a method keeps its contract, found out by training it: what ``radiogs-bench methods check NAME`` prints."""
+"""Whether a method keeps its contract, tested by training it (``radiogs-bench methods check NAME``)."""
 
 import math
 from collections import Counter
@@ -33,22 +33,22 @@ UNIT = 1e-2
 """Largest error of the length of a normal."""
 
 CLEARLY = 3.0
-"""Decibels by which another colour space has to fit better before it is named."""
+"""Decibels by which the other colour space has to fit better to be named."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at."""
+    """The outcome of one check."""
 
     verdict: Literal["holds", "fails", "note"]
     what: str
     """The observation, in one sentence."""
     remedy: str = ""
-    """The next thing to do; empty where nothing is wrong."""
+    """The next thing to do; empty without a fault."""
 
 
 def judged(fault: str, remedy: str, holds: str) -> Finding:
-    """The finding of a rule: its ``fault``, or that it ``holds`` where the fault is empty."""
+    """The finding for a rule: its ``fault``, or the sentence ``holds`` if ``fault`` is empty."""
     return Finding("fails", fault, remedy) if fault else Finding("holds", holds)
 
 
@@ -67,8 +67,8 @@ def check_method(
 ) -> Iterator[Finding]:
     """Train a method three times at a preset and render it; yields a finding for each rule of the contract.
 
-    ``folder`` keeps files meanwhile. ``say`` is told what is being done. A call that raises is a finding, and ends the
-    checks that need its outcome.
+    ``folder`` keeps files meanwhile. ``say`` receives progress as sentences. A call that raises is a finding, and ends
+    the checks that need its outcome.
     """
     read = set[str]()
     run = Run(_watched(scene, read), method.variant(), method.presets[preset], 0, device)
@@ -103,7 +103,7 @@ _STATE = (
 
 
 def _watched(scene: Scene, read: set[str]) -> Scene:
-    """The scene with test views that add to ``read`` what is read of them."""
+    """A copy of the scene whose test views record in ``read`` which maps are read."""
 
     def source(view: View, name: str) -> Tensor:
         read.add(f"'{name}' of '{view.name}'")
@@ -114,7 +114,7 @@ def _watched(scene: Scene, read: set[str]) -> Scene:
 
 
 class _Steps(LogProgress):
-    """Counts the steps of each stage, by its title; requests a stop in the middle of it through ``interruption``."""
+    """Counts the steps of each stage by title; requests a stop in the middle of it through ``interruption``."""
 
     def __init__(self, interruption: Interruption | None) -> None:
         super().__init__()
@@ -175,7 +175,7 @@ def _reads(method: Method, run: Run) -> Iterator[Finding]:
 
 
 def _other(values: Any, name: str) -> Any:
-    """Settings with another value of one field; None where there is none that they take."""
+    """Settings with another valid value of one field; None if no tried value is valid."""
     value = value_at(values, name)
     tried: tuple[Any, ...] = ()
     if isinstance(value, bool):
@@ -189,7 +189,7 @@ def _other(values: Any, name: str) -> Any:
 
 
 def _counted(method: Method, run: Run, training: _Training) -> Finding:
-    """Whether the steps are as many as announced: the time left is estimated by them."""
+    """Whether the number of steps is as announced, because the estimate of the time left uses it."""
     with calling(method.name, "stages()"):
         announced = {spec.name: spec.steps for spec in method.stages(run.variant, run.budget)}
     wrong = [f"'{name}' announces {steps}, takes {training.taken[name]}" for name, steps in announced.items()
@@ -211,7 +211,7 @@ def _unread(read: set[str]) -> Finding:
 
 
 def _same(first: _Training, second: _Training, what: str, remedy: str) -> Finding:
-    """Whether two trainings are the same to the last bit; if not, where they part."""
+    """Whether two trainings agree bit for bit; if not, where they first differ."""
     for name, ledger in first.ledgers.items():
         for one, other in zip(_losses(ledger), _losses(second.ledgers[name]), strict=False):
             if one != other:
@@ -254,7 +254,7 @@ def _maps(method: Method, shown: Prepared, view: View) -> dict[str, Tensor]:
 
 
 def _ranges(method: Method, shown: Prepared, view: View) -> Finding:
-    """Whether values, as rendered, lie where the contract has them."""
+    """Whether rendered values lie in the contract's ranges."""
     with calling(method.name, "render()"):
         maps = {name: image.detach().cpu() for name, image in shown.render(own_camera(view.camera)).items()}
     wrong = []
@@ -278,7 +278,7 @@ def _ranges(method: Method, shown: Prepared, view: View) -> Finding:
 
 
 def _colour_space(image: Tensor, shown: Prepared, view: View) -> Finding:
-    """Whether the image fits the true one better if its declared colour space is exchanged."""
+    """Whether the image would fit the true one better in the other colour space than in the declared one."""
     target = truth(view, "image")
     other, name = (
         (srgb_encode(image), "linear") if shown.offers["image"].colour == "display" else (srgb_decode(image), "display")
@@ -303,7 +303,7 @@ def _repeated(where: str, what: str) -> Finding:
 
 
 def _relit(method: Method, view: View, model: Trained, maps: Mapping[str, Tensor]) -> Iterator[Finding]:
-    """Relighting: refused in words, or another image, whose brightness follows ``albedo_scale``."""
+    """Check relighting: either declined in words, or a changed image whose brightness follows ``albedo_scale``."""
     light = EnvironmentMap(torch.rand(16, 32, 3, generator=torch.Generator().manual_seed(0)))
     images = []
     for factor in (1.0, 0.5):
@@ -346,7 +346,7 @@ def _exported(method: Method, model: Trained, folder: Path) -> Finding:
 
 
 def difference(one: Any, other: Any) -> str:
-    """The place of the first difference of two structures of tensors and plain values; empty if there is none."""
+    """The place of the first difference between two structures of tensors and plain values; empty if equal."""
     if isinstance(one, Tensor) and isinstance(other, Tensor):
         alike = one.shape == other.shape and one.dtype == other.dtype
         return "" if alike and bool(((one == other) | ((one != one) & (other != other))).all()) else " "

@@ -46,7 +46,7 @@ class Forecast:
                 self.likes.setdefault(kind, _Like()).add(result)
 
     def expected(self, cell: Cell, there: Sequence[str]) -> Expected:
-        """Time and memory of the cell; the stages in ``there`` are already in the store."""
+        """Time and memory of the cell; the stages in ``there`` are in the store already."""
         like = next((self.likes[kind] for kind in _kinds(cell.content()) if kind in self.likes), None)
         if like is None:
             return Expected(None, None, None)
@@ -72,7 +72,7 @@ def forecast(store: Store, cells: Sequence[Cell]) -> list[Expected | None]:
 
 
 def lengths_of(store: Store, cells: Sequence[Cell]) -> list[float]:
-    """How long each cell takes beside the others, in seconds or else steps; a shared stage counts in the first one."""
+    """Relative length of each cell, in seconds or else steps; a shared stage counts for the first cell only."""
     expected = forecast(store, cells)
     seconds = [0.0 if each is None else each.seconds for each in expected]
     known = [each for each in seconds if each is not None]
@@ -96,7 +96,7 @@ def total(expected: Sequence[Expected | None]) -> tuple[float, int]:
 
 
 def _kinds(cell: Mapping[str, Any]) -> list[str]:
-    """Descriptions under which cells count as similar, the most specific first."""
+    """Descriptions under which cells count as similar, most specific first."""
     named = ("method", "experiment", "settings", "budget", "device", "protocol")
     common = {name: cell[name] for name in named}
     variant, scene = {"variant": cell["variant"]}, {"checksum": cell["checksum"]}

@@ -13,9 +13,9 @@ STREAMS = (1, 2)
 
 
 class Interruption:
-    """Context in which the first Ctrl-C (or SIGTERM, or a closed terminal) requests a stop; a second one stops at once.
+    """Context: the first Ctrl-C (SIGTERM, closed terminal) requests a stop, and a second one stops at once.
 
-    Under ``nohup``, which ignores that terminals close, they are ignored.
+    Closed terminals are ignored under ``nohup``.
     """
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class Interruption:
         self.requested = True
 
     def check(self) -> None:
-        """Raise Interrupted if a stop was requested. To be called where all state is consistent."""
+        """Raise Interrupted if a stop was requested. Call it only where all state is consistent."""
         if self.requested:
             raise Interrupted(
                 "stopped as asked",

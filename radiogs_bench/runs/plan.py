@@ -55,15 +55,15 @@ class RunPlan:
     cells: Cells
     """Scene by scene and seed by seed, so that complete comparisons finish early."""
     lines: Sequence[TableRow]
-    """The rows as tables print them, refused ones too."""
+    """The rows as tables print them, refused rows included."""
     places: Mapping[str, str] = field(default_factory=dict)
-    """Name or path of each scene, from which other processes load it."""
+    """Name or path of each scene, by which other processes load it."""
     remarks: Sequence[str] = ()
     """Sentences on rows that do not run as asked, and on repairs in the scenes' files."""
 
     @property
     def experiment(self) -> Callable[..., None]:
-        """The function that runs one of the cells, given a bench, the cell and its scene."""
+        """The function that runs a cell, given a bench, the cell and its scene."""
         return EXPERIMENTS[self.suite.experiment].run()
 
     @cached_property
@@ -87,11 +87,11 @@ class RunPlan:
 
     @property
     def marks(self) -> str:
-        """The fields that were set, as labels print them; empty if none was."""
+        """The changed fields, as labels print them; empty if none was changed."""
         return marks_of(self.spec.settings)
 
     def manifest(self, command: Sequence[str] = ()) -> Sweep:
-        """The run as its folder keeps it; ``command``: the arguments of the command line, if it came from there."""
+        """The run as its folder stores it; ``command``: the arguments of the command line, if it came from there."""
         suite = self.suite
         made: Sweep = {
             "schema": SWEEP_SCHEMA,
@@ -126,7 +126,7 @@ class RunPlan:
 
 
 def resolve(spec: RunSpec) -> RunPlan:
-    """The plan of a run, with opened scenes and named cells. Raises UsageError or DataError before anything runs."""
+    """The plan of a run with opened scenes and cells with keys. Raises UsageError or DataError before anything runs."""
     suite, preset, remarks = suite_asked(spec)
     given = spec.scenes or own_scenes(suite)
     scenes = load_scenes(given, spec.scene_options)
@@ -147,10 +147,10 @@ def planned(
     suite: Suite, scenes: Mapping[str, Scene], spec: RunSpec, preset: str = "",
     method: Callable[[str], Method] = find_method, places: Mapping[str, str] | None = None, remarks: Sequence[str] = (),
 ) -> RunPlan:  # fmt: skip
-    """The plan of a suite, whose rows are as they run, on opened scenes; of the spec it reads what concerns cells.
+    """The plan of a suite, with rows ready to run, on opened scenes; it reads only the spec's fields for cells.
 
-    Rows that give parts of the truth which their method does not take have no cells. Raises UsageError where a method
-    takes none of the parts of any of its rows, DataError for a scene whose truth is not known.
+    Rows whose method does not accept the given parts of the truth have no cells. Raises UsageError where a method takes
+    none of the parts of any of its rows, DataError for a scene whose truth is not known.
     """
     rules = protocol(spec.protocol or suite.protocol).name
     work = _Working(suite, spec, preset or spec.preset, rules, method)
@@ -167,7 +167,7 @@ def planned(
 
 
 def _refused(suite: Suite, method: Callable[[str], Method]) -> dict[str, str]:
-    """Why rows cannot be run, by key. Raises UsageError where nothing is left of a method's ladder."""
+    """Why rows cannot run, by key. Raises UsageError if all rows of a method's ladder are refused."""
     giving = [row for row in suite.rows if row.given]
     refused = {row.key: why for row in giving if (why := why_not_given(method(row.method), row.given or ()))}
     for name in dict.fromkeys(row.method for row in giving):
@@ -182,7 +182,7 @@ def _refused(suite: Suite, method: Callable[[str], Method]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _Working:
-    """Rows as their cells, and as lines of tables, under one preset and protocol."""
+    """Makes cells and table lines of rows under one preset and protocol."""
 
     suite: Suite
     spec: RunSpec

@@ -39,8 +39,8 @@ VIEWS, PIXELS = 2, 32
 def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
     """Read every map of every view once, and discard it; ``advance`` is called with (done, total) maps.
 
-    Maps are read on demand, those of test views only after training; this finds a damaged file first. Raises DataError,
-    also for a view whose mask is empty, which ``datasets check`` calls an error.
+    Maps are read on demand, test views' maps only after training; this finds damaged files before. Raises DataError,
+    also for a view whose mask is empty, which ``datasets check`` reports as an error.
     """
     if not scene.test:
         raise DataError(f"scene '{scene.name}' has no test views", "Nothing could be scored after training.")
@@ -57,9 +57,9 @@ def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
 
 
 def say_contradictions(scene: Scene, say: Callable[[str], None]) -> None:
-    """Say which views of a scene contradict the others by their poses or outlines, and how to learn more.
+    """Warn of views of a scene whose poses or outlines contradict the other views, and how to learn more.
 
-    Scenes that come with the package do not: their tests check them, and far more closely.
+    Scenes of the package are skipped: tests check them far more closely.
     """
     if scene.folder is None or comes_with_package(scene.folder):
         return
@@ -90,9 +90,9 @@ def preflight(plan: RunPlan, unfinished: Sequence[Cell], bench: Bench) -> None:
 def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Method, Any]]) -> None:
     """Take one step of each stage that compiles kernels, for the given methods and variants, on a few views.
 
-    So kernels are compiled once a machine, by their cache; else its first cell would be charged for half a minute of
-    it. Stages that compile nothing (``StageSpec.compiles``) are not stepped, and only begun for those after them.
-    Variants that share a product have it made once. A method that fails here will fail its cells, which say so.
+    Kernels are compiled and cached once per machine; else the first cell would be charged half a minute for it. Stages
+    that compile nothing (``StageSpec.compiles``) are not stepped, and begun only for stages after them. Variants share
+    products. A method that fails here will fail in its cells, with a message.
     """
     little = with_long_side(replace(scene, train=scene.train[:VIEWS]), PIXELS)
     done: list[tuple[str, Any]] = []
@@ -108,7 +108,7 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
 
 
 def _warm_up(method: Method, run: Run, made: dict[str, dict[str, Any]]) -> None:
-    """Make the products that the stages of a run begin from, once each. ``made``: products by all that decides them."""
+    """Make the initial products of a run's stages, once each. ``made``: products by all that decides them."""
     product, key = dict[str, Any](), method.name
     with calling(method.name, "stages()"):
         specs = method.stages(run.variant, run.budget)

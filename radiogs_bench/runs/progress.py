@@ -1,4 +1,4 @@
-"""Progress: bars with time left on a terminal; in a log a line per cell, and one a minute of what takes longer."""
+"""Progress: bars with time left on a terminal; in a log one line per cell, and one per minute for longer work."""
 
 import sys
 import time
@@ -49,10 +49,10 @@ class Progress(Protocol):
 
 
 class TextConsole(Console):
-    """A console on which texts are shown and command nothing, whoever wrote them; colours are the console's own."""
+    """A console that escapes control characters in texts; only the console itself colours."""
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """As rich does, with ``visible`` texts."""
+        """As in rich, with ``visible`` texts."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else Segment(visible(segment.text), segment.style)
 
@@ -86,7 +86,7 @@ class TerminalProgress(Progress):
 
 
 class LogProgress(Progress):
-    """Lines to stderr: what is said, and every LOGGED_EVERY_SECONDS how far the task is that reports then."""
+    """Lines to stderr: messages, and every LOGGED_EVERY_SECONDS the progress of the task that reports then."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.clock = clock
@@ -135,7 +135,7 @@ class ForwardingProgress(Progress):
 
 
 class SweepProgress(ForwardingProgress):
-    """Passes everything on, and adds one task, the steps of all stages: cells are too few to tell the time left."""
+    """Forwards everything, and adds a task for the steps of all stages: cells are too few to estimate time left."""
 
     def __init__(self, progress: Progress, stages: Collection[str], steps: int) -> None:
         super().__init__(progress)
@@ -160,7 +160,7 @@ class SweepProgress(ForwardingProgress):
 
 @contextmanager
 def working(task: str) -> Iterator[None]:
-    """Shows that something is done that reports no steps, with the time it has taken."""
+    """Shows work that reports no steps, with the time it has taken."""
     with progress_for_stderr() as progress:
         progress.advance(task, 0, 1)
         yield
@@ -198,12 +198,12 @@ def bars_on(console: Console) -> RichProgress:
 
 
 def _whole() -> Column:
-    """A column that is never narrower than what is in it."""
+    """A column that is never narrower than its content."""
     return Column(no_wrap=True)
 
 
 class _Bars(RichProgress):
-    """Draws only what has taken longer than SHOWN_AFTER_SECONDS, also where its task reports nothing meanwhile."""
+    """Draws only tasks that have taken longer than SHOWN_AFTER_SECONDS, even if they report nothing meanwhile."""
 
     def make_tasks_table(self, tasks: Iterable[Task]) -> Table:
         return super().make_tasks_table([task for task in tasks if (task.elapsed or 0.0) > SHOWN_AFTER_SECONDS])

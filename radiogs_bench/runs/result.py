@@ -1,4 +1,4 @@
-"""A cell's result as an experiment fills it in: everything that it does not measure is there, and empty."""
+"""A cell's result for an experiment to fill in: all keys exist, and what is not measured stays empty."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from ..store.schema import RESULT_SCHEMA, Data, Result, Session
 from .cell import Cell
 
 EVALUATE = "evaluate"
-"""The last of a result's stages: scoring."""
+"""The last stage of every result: scoring."""
 
 
 def empty_result(cell: Cell, protocol: dict[str, Any]) -> Result:
@@ -19,7 +19,7 @@ def empty_result(cell: Cell, protocol: dict[str, Any]) -> Result:
 
 
 def blank_result(key: str, scene: str, content: dict[str, Any], protocol: dict[str, Any]) -> Result:
-    """The empty result of a cell that is given by its content alone, whose hash is ``key``."""
+    """The empty result of a cell that is known by its content alone, whose hash is ``key``."""
     return Result(
         schema=RESULT_SCHEMA,
         key=key,
@@ -48,7 +48,7 @@ def blank_result(key: str, scene: str, content: dict[str, Any], protocol: dict[s
 
 
 def data_of(scene: Scene) -> Data:
-    """The size of what a scene shows."""
+    """The number and size of a scene's views."""
     camera = scene.test[0].camera
     return Data(
         layout=scene.layout,
@@ -60,7 +60,7 @@ def data_of(scene: Scene) -> Data:
 
 
 def add_stage(result: Result, name: str, recorded: Instruments, seconds: float, sessions: Sequence[Session]) -> None:
-    """Put what a stage took into a result."""
+    """Enter a stage's seconds, named parts, work, guards and sessions into a result."""
     result["seconds"][name] = seconds
     plain = recorded.plain()
     result["parts"][name], result["work"][name], result["guards"][name] = plain["parts"], plain["work"], plain["guards"]

@@ -1,4 +1,4 @@
-"""The rows that a run has: those of its suite, with the methods, the recipe and the fields that are asked for."""
+"""The rows of a run: its suite's rows with the requested methods, recipe and fields."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from .spec import RunSpec
 
 
 def asked_of(suite: Suite, spec: RunSpec, preset: str) -> tuple[Suite, list[str]]:
-    """The suite with what a spec changes in its rows, and remarks on rows that stay as they are. Raises UsageError."""
+    """The suite with a spec's changes of its rows, and remarks on unchanged rows. Raises UsageError."""
     remarks: list[str] = []
     if spec.methods:
         suite = of_methods(suite, spec.methods)
@@ -33,7 +33,7 @@ def asked_of(suite: Suite, spec: RunSpec, preset: str) -> tuple[Suite, list[str]
 
 
 def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
-    """The suite for these methods: their rows in it, or else one row each, or one for each choice of given parts.
+    """The suite for these methods: their own rows in it, else one row each, or one row per choice of given parts.
 
     Differences are taken against the suite's reference row if it remains, else against the first row.
     """
@@ -49,7 +49,7 @@ def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
 
 
 def _rungs(suite: Suite, name: str, key: str, title: str) -> list[Row]:
-    """The suite's choices of given parts as rows of another method's full form."""
+    """A row of another method's full form for each of the suite's choices of given parts."""
     choices = {row.given: row for row in suite.rows if row.given is not None}
     return [
         Row(f"{key}-{row.key}", "", f"{title}, {row.text}", method=name, given=given) for given, row in choices.items()
@@ -57,7 +57,7 @@ def _rungs(suite: Suite, name: str, key: str, title: str) -> list[Row]:
 
 
 def with_rows(suite: Suite, keys: Sequence[str]) -> Suite:
-    """The suite with some of its rows, in its order; differences as in ``of_methods``. Raises UsageError."""
+    """The suite with only these rows, in its order; reference row as in ``of_methods``. Raises UsageError."""
     own = [row.key for row in suite.rows]
     for key in keys:
         if key not in own:
@@ -68,7 +68,7 @@ def with_rows(suite: Suite, keys: Sequence[str]) -> Suite:
 
 
 def with_recipe(suite: Suite, name: str) -> tuple[Suite, list[str]]:
-    """The suite with a recipe for rows that name none, and remarks on rows that do not run by it. Raises UsageError."""
+    """The suite with a recipe for rows without one, and remarks on rows not run by it. Raises UsageError."""
     refused: dict[str, UsageError] = {}
     for used in dict.fromkeys(row.method for row in suite.rows):
         try:
@@ -86,12 +86,12 @@ def with_recipe(suite: Suite, name: str) -> tuple[Suite, list[str]]:
 
 
 def recipe_of_row(suite: Suite, row: Row, used: Method) -> str:
-    """The recipe that a row runs by: its own, else that of the suite if its method offers any; empty for none."""
+    """The recipe of a row: its own, else the suite's if the row's method offers any; empty without recipes."""
     return row.recipe or (suite.recipe if isinstance(used, OffersRecipes) else "")
 
 
 def with_effects(suite: Suite, effects: str | Sequence[str]) -> Suite:
-    """The suite with effects set in every row that sets none itself and takes these, and marked in the row's label."""
+    """The suite with effects set and marked in every row that sets none and whose method has these effects."""
     marked = effects if isinstance(effects, str) else "+".join(effects) or "none"
 
     def changed(row: Row) -> Row:
@@ -112,8 +112,8 @@ def with_settings(suite: Suite, given: Mapping[str, Any], preset: str) -> tuple[
     """The suite with fields set in every row whose method has them, and remarks on the rows that differ.
 
     ``given`` has plain values by dotted names of fields of a variant or a budget (``methods.settings_of``). Labels name
-    the fields that were set. A row that sets a field of its variant itself keeps its value: the suite compares it.
-    Raises UsageError for a name that no row's method has, and for a value that a method does not take.
+    the fields that were set. A row keeps a variant's field that it sets itself, because the suite compares it. Raises
+    UsageError for a name that no row's method has, and for a value that a method does not take.
     """
     methods = {name: method(name) for name in dict.fromkeys(row.method for row in suite.rows)}
     found = {name: settings_of(used, preset, given) for name, used in methods.items()}

@@ -1,8 +1,8 @@
-"""Rows of a run that are scored from files which another program wrote (``score --into``).
+"""Rows of a run that are scored from another program's files (``score --into``).
 
-Their cells are results like others: the key is over the files' digest in place of the method's sources. The
-training is not known, so variant, stages and seconds of training are empty, and the budget is named ``UNKNOWN``. The
-store alone says which rows there are; a manifest has those that its run can be compared with.
+Their cells are results like others: the key is over the files' digest in place of the method's sources. The training is
+unknown, so variant, stages and training seconds are empty, and the budget is named ``UNKNOWN``. The store has all such
+rows; a manifest lists the rows that can be compared with its run.
 """
 
 import hashlib
@@ -40,18 +40,18 @@ from .unchanged_scene import require_unchanged
 CPU = torch.device("cpu")
 
 UNKNOWN = "not known"
-"""Name of the budget of a row whose training nobody here has seen."""
+"""Name of the budget of a row whose training is unknown."""
 
 LONGEST_NAME = 80
 PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,60}")
 
 PNG_BITS = 24
-"""Where a PNG file says how many bits a channel has: after the signature, IHDR's head, width and height."""
+"""Offset of the bits per channel in a PNG file: after the signature, IHDR's head, width and height."""
 
 
 @dataclass(frozen=True)
 class NewRow:
-    """A row to be added: its name, the seed it stands beside, and whether it may take the place of an earlier one."""
+    """A row to be added: its name, the seed it is compared with, and whether it may replace an earlier row."""
 
     name: str
     seed: int = 0
@@ -59,7 +59,7 @@ class NewRow:
 
 
 def scene_in_run(store: Store, sweep: Sweep, scene: Scene) -> str:
-    """A run's name for a scene: that of finished cells with the same files, opened alike. Raises UsageError."""
+    """The run's name for a scene, found by finished cells with the same files and options. Raises UsageError."""
     checksums = checksums_of(store, measured(sweep))
     same = [name for name, checksum in checksums.items() if checksum == scene.checksum]
     if same:
@@ -90,7 +90,7 @@ def checksums_of(store: Store, sweep: Sweep) -> dict[str, str]:
 
 
 def require_room(store: Store, sweep: Sweep, row: NewRow, scene: str) -> None:
-    """Raise UsageError where a run has no place for a row, or has it already and it may not be replaced."""
+    """Raise UsageError if the run lacks the row's seed, or has the row already and may not replace it."""
     if row.seed not in sweep["seeds"]:
         raise UsageError(
             f"the run has no seed {row.seed}",
@@ -128,7 +128,7 @@ def add_row(
     """Score files under a run's protocol, store the result, and enter it in the run's manifest, which is returned.
 
     ``digest`` digests the scene's files again; ``advance`` is called with (done, total) views. The cell is stored
-    before the manifest names it: where the process dies in between, the next ``run`` enters it, or the same call does.
+    before the manifest names it: if the process dies in between, the next ``run`` or the same call enters it.
 
     Raises UsageError where the run has no such scene or seed, or has the row already; DataError for a folder without a
     run, for damaged files, and where the scene's files change meanwhile.
@@ -156,8 +156,8 @@ def scored_files(
 ) -> tuple[Result, dict[str, np.ndarray]]:
     """The result of files of a scene, which the run calls ``name``, under the protocol ``rules``, and its arrays.
 
-    The method is called ``NAME (files)``, so that nobody's files are taken for a method of that name that was run. Time
-    and memory are in none of its keys: nobody here has measured them. ``seconds`` are those of scoring.
+    The method is called ``NAME (files)``, so that nobody's files are taken for a method of that name that was run.
+    Training time and memory are absent, because they were not measured. ``seconds``: the time of scoring.
     """
     cell = {
         "checksum": scene.checksum,
@@ -191,7 +191,7 @@ def scored_files(
 
 
 def comparable(metrics: dict[str, MetricValue], scene: Scene) -> dict[str, MetricValue]:
-    """The metrics; those of relit views are withheld where measured rows are scored on views elsewhere, too."""
+    """The metrics; relighting metrics are withheld if measured rows are also scored on views of other scenes."""
     if not scene.relight:
         return metrics
     reason = "measured rows are relit on views of other scenes as well, which a folder of this scene does not hold"
@@ -227,7 +227,7 @@ def files_of(predictions: Predictions) -> dict[str, Path]:
 
 
 def digest_of(predictions: Predictions) -> str:
-    """SHA-256 of the files that are read, their paths and what they are read as: other files are another cell."""
+    """SHA-256 of the files that are read, their paths, and how they are read: other files make another cell."""
     digests = {}
     for name, path in files_of(predictions).items():
         with path.open("rb") as file:
@@ -246,7 +246,7 @@ def _format(path: Path) -> str:
 
 
 def row_key(name: str) -> str:
-    """Key of the row of a name. Names with other characters than a file name's carry a digest: no two names share one.
+    """Key of the row of a name. Names with unusual characters get a digest, so that no two names share a key.
 
     Raises UsageError for an empty or long name, and for one with line breaks or characters that cannot be printed.
 
@@ -272,18 +272,18 @@ def is_from_files(result: Result) -> bool:
 
 
 def measured(sweep: Sweep) -> Sweep:
-    """The manifest without rows that were scored from files."""
+    """The manifest without rows scored from files."""
     rows = [row for row in sweep["rows"] if "files" not in row]
     keys = {row["key"] for row in rows}
     return {**sweep, "rows": rows, "cells": [ref for ref in sweep["cells"] if ref["row"] in keys]}
 
 
 def with_rows_from_files(store: Store, sweep: Sweep, checksums: Mapping[str, str]) -> tuple[Sweep, list[str]]:
-    """The manifest with every row of its store that was scored from files and can be compared with the run.
+    """The manifest with every row scored from files that is in its store and can be compared with the run.
 
-    ``checksums`` are the scenes' by name. A cell belongs if its scene, protocol and seed are the run's and this
-    version of the code scored it; of several of one row, scene and seed the last scored one does. Also returned: names
-    of the rows that another version scored, which have to be scored again.
+    ``checksums`` are the scenes' by name. A cell belongs if its scene, protocol and seed are the run's and this version
+    of the code scored it; of several cells of one row, scene and seed, the last scored one. Also returned: names of the
+    rows that another version scored, which have to be scored again.
     """
     own = measured(sweep)
     scene_of = {checksum: scene for scene, checksum in checksums.items()}

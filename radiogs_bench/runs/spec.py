@@ -1,4 +1,4 @@
-"""A run as a value: everything that is asked for, alike from the shell, from Python, from JSON and for a worker."""
+"""A run as a value: everything that a user asks for, the same from the shell, Python, JSON and for a worker."""
 
 import json
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ REMEDY = "What can be asked of a run:  radiogs-bench run --help"
 class RunSpec:
     """The request for a run. Raises UsageError for values that no run can have.
 
-    It names no folder for the results, and it trusts no method's file: both belong to the call that runs it.
+    The folder of results and trusted method files are not part of it: both belong to the call that runs it.
     """
 
     suite: str

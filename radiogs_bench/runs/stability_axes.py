@@ -1,4 +1,4 @@
-"""The conditions that get harder in suite ``stability``, and what is computed under each."""
+"""The conditions that get harder in suite ``stability``, and the computation under each."""
 
 import math
 from collections.abc import Mapping
@@ -40,7 +40,7 @@ SCATTERED_RAYS = 128
 
 
 def scattered(count: int, generator: torch.Generator, spread: float = 1.0) -> Surfels:
-    """Surfels about (0, 0, DEPTH) that face the origin up to some 40 degrees."""
+    """Surfels around (0, 0, DEPTH) that face the origin within some 40 degrees."""
 
     def normal(*shape: int) -> Tensor:
         return torch.randn(*shape, generator=generator)

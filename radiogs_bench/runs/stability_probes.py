@@ -1,4 +1,4 @@
-"""Curves of float32 error along a condition: their parts, how a point is measured, and the kernels as probes."""
+"""Curves of float32 error along a condition: types, measurement of a point, and the kernels as probes."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -38,14 +38,14 @@ Tolerance = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Stand:
-    """The camera and sky that a case is placed in; ``seed`` is for its random numbers."""
+    """The camera and sky of a case; ``seed`` is for its random numbers."""
 
     camera: Camera
     sky: EnvironmentMap
     seed: int
 
     def generator(self) -> torch.Generator:
-        """Draws the same numbers for every condition, so that only the condition changes along a curve."""
+        """A generator that draws the same numbers for every condition: only the condition changes along a curve."""
         return torch.Generator().manual_seed(self.seed)
 
 
@@ -105,7 +105,7 @@ class Errors:
     """Errors of one kernel under one condition.
 
     forward: the worst error of an output, relative to its unit or its largest entry, whichever is larger. gradient: the
-    worst error of an input's gradient, relative to its largest entry. guards: those that acted in float32.
+    worst error of an input's gradient, relative to its largest entry. guards: counts in float32.
     """
 
     forward: float
@@ -113,7 +113,7 @@ class Errors:
     guards: Counter[str]
 
     def of(self, task: Task) -> float:
-        """The error of outputs or of gradients."""
+        """The error of outputs, or of gradients."""
         return self.forward if task == "forward" else self.gradient
 
 
@@ -145,7 +145,7 @@ def _both(probe: Probe, inputs: Values, seed: int) -> tuple[tuple[Tensor, ...], 
 def relative_error(found: Tensor, exact: Tensor, unit: float) -> float:
     """Largest difference over the largest exact entry, or over ``unit`` where that is larger.
 
-    Infinite for NaN, and for a difference from zero where there is no unit.
+    Infinite for NaN, and for a difference from exact zeros without a unit.
     """
     if not bool(torch.isfinite(found).all()):
         return float("inf")

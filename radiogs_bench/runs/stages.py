@@ -52,7 +52,7 @@ class Bench:
 
 
 class Ledger(TypedDict):
-    """Cost and last losses of a stage so far; stored with its product and in every checkpoint."""
+    """Costs and last losses of a stage so far; stored with its product and in every checkpoint."""
 
     seconds: float
     parts: dict[str, float]
@@ -62,7 +62,7 @@ class Ledger(TypedDict):
     losses: dict[str, float]
     trail: list[TrailPoint]
     since: Sums
-    """Sums of the losses since the trail's last point."""
+    """Sums of the losses since the last point of the trail."""
     first_steps: NotRequired[list[FirstStep]]
     """Absent in ledgers of earlier versions."""
     sessions: list[Session]
@@ -76,8 +76,8 @@ class Outcome(TypedDict):
 
 
 Held = list[Mapping[str, Any]]
-"""The product of the previous stage as the only entry. It is removed when the next stage begins, so that tensors which
-that stage does not keep are freed."""
+"""The product of the previous stage as the only entry. The next stage removes it when it begins, so that tensors which
+it does not keep are freed."""
 
 Score = Callable[[Trained], dict[str, float]]
 """Scores a model during training: values by ``task/measure``."""
@@ -88,9 +88,9 @@ StageScore = Callable[[Stage], dict[str, float]]
 def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) -> tuple[Trained, dict[str, Ledger]]:
     """The cell's model, trained now or read from the store, and the ledgers of its stages by name, in order.
 
-    ``score`` is called at some steps of the last stage (``SCORED_AT``), while clock and counters are paused.
-    Raises Claimed if another process works on one of the stages, Interrupted after saving a checkpoint, and of what the
-    method raises what explains itself, MethodFailed for anything else; the last checkpoint is kept in every case.
+    ``score`` is called at some steps of the last stage (``SCORED_AT``), while clock and counters are paused. Raises
+    Claimed if another process works on one of the stages, Interrupted after saving a checkpoint, an exception of the
+    method that explains itself, and MethodFailed for any other; the last checkpoint is kept in every case.
     """
     method = bench.method(cell.found_as)
     held: Held = [{}]
@@ -111,7 +111,7 @@ def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) 
 
 
 def restored(method: Method, run: Run, product: Mapping[str, Any]) -> Trained:
-    """The model from the product of the last stage. Raises MethodFailed where there comes none of it."""
+    """The model restored from the last stage's product. Raises MethodFailed if the method returns no model."""
     with calling(method.name, "restore()"):
         model = method.restore(run, product)
     require(method.name, model, Trained, "restore()")
@@ -119,7 +119,7 @@ def restored(method: Method, run: Run, product: Mapping[str, Any]) -> Trained:
 
 
 def facts_of(method: str, model: Trained) -> dict[str, Any]:
-    """The method's facts about its model. Raises MethodFailed where that is not plain."""
+    """The method's facts about its model. Raises MethodFailed for facts that are not plain values."""
     with calling(method, "facts()"):
         facts = dict(model.facts())
     try:
@@ -132,7 +132,7 @@ def facts_of(method: str, model: Trained) -> dict[str, Any]:
 
 
 def all_but_last(bench: Bench, cell: Cell, scene: Scene) -> None:
-    """Run the stages that other cells may share, all but the last, and store them. Raises as ``trained`` does."""
+    """Run and store all stages but the last, which other cells may share. Raises as ``trained`` does."""
     held: Held = [{}]
     for index in range(len(cell.stages) - 1):
         held = [stage_outcome(bench, cell, scene, index, held)["product"]]
@@ -141,7 +141,7 @@ def all_but_last(bench: Bench, cell: Cell, scene: Scene) -> None:
 def stage_outcome(
     bench: Bench, cell: Cell, scene: Scene, index: int, held: Held, score: StageScore | None = None
 ) -> Outcome:
-    """The outcome of one of a cell's stages, run now or stored; ``held`` has the product of the previous stage."""
+    """The outcome of a cell's stage, run now or read from the store; ``held`` has the previous stage's product."""
     stage = cell.stages[index]
     with calling(cell.method, "stages()"):
         spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[index]
@@ -154,7 +154,7 @@ def stage_outcome(
 
 
 def _put_start(bench: Bench, method: str, stage: StageKey, start: SharedStart, run: Run, held: Held) -> Ledger:
-    """Put what a stage begins with, made now or stored, in the place of the previous product; returns its cost."""
+    """Put a stage's start, made now or read from the store, in the place of the previous product; returns its cost."""
 
     def make() -> dict[str, Any]:
         with calling(method, f"start.make() of stage '{stage.name}'"):
@@ -168,7 +168,7 @@ def _put_start(bench: Bench, method: str, stage: StageKey, start: SharedStart, r
 
 
 def begun(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> Stage:
-    """A stage at its beginning. Raises MethodFailed where there comes none."""
+    """A stage at its beginning. Raises MethodFailed if the method returns none."""
     with calling(method, f"begin() of stage '{spec.name}'"):
         stage = spec.begin(run, before)
     require(method, stage, Stage, f"begin() of stage '{spec.name}'")
@@ -179,7 +179,7 @@ def begun(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> 
 
 
 def run_of(bench: Bench, cell: Cell, scene: Scene) -> Run:
-    """The ``Run`` of a cell, on a scene of its own; its workspace is named by the key of the last stage."""
+    """The ``Run`` of a cell on its own copy of the scene; the last stage's key names its workspace."""
     workspace = bench.store.workspace(str(cell.training_key))
     return Run(own_scene(scene), cell.variant, cell.budget, cell.seed, bench.device, workspace)
 
@@ -195,9 +195,9 @@ def completed(
 ) -> Outcome:
     """The stored outcome of a stage; if there is none, the stage is run and its outcome stored.
 
-    ``score`` is as in ``trained``, but takes the stage. ``start`` makes or reads what the stage begins with, if cells
-    share that; its cost counts as the stage's own, whichever cell has made it. Raises DataError where the files of
-    ``scene`` changed meanwhile; then nothing that may have been made from others is kept.
+    ``score`` is as in ``trained``, but takes the stage. ``start`` makes or reads a start that cells share; its cost
+    counts as the stage's, whichever cell made it. Raises DataError if files of ``scene`` changed meanwhile; then
+    nothing made from them is kept.
     """
 
     def work() -> Outcome:
@@ -224,7 +224,7 @@ def completed(
 
 
 def _kept(bench: Bench, key: str, work: Callable[[], Outcome], scene: Scene) -> Outcome:
-    """The outcome that is stored under ``key``; if there is none, that of ``work``, which is stored."""
+    """The outcome stored under ``key``; if there is none, the outcome of ``work``, which is then stored."""
     stored = _stored_outcome(bench, key)
     if stored is not None:
         return stored
@@ -254,7 +254,7 @@ def _timed(bench: Bench, make: Callable[[], dict[str, Any]]) -> Outcome:
 
 
 def close_stage(method: str, stage: Stage) -> None:
-    """Let a stage that holds more than memory let it go."""
+    """Release what a stage holds besides memory, if it offers that."""
     if isinstance(stage, Closing):
         with calling(method, "close()"):
             stage.close()
@@ -270,19 +270,19 @@ def _stored_outcome(bench: Bench, key: str) -> Outcome | None:
 
 MOST_IDLE = 1000
 AT_ONCE = 0.01
-"""Seconds."""
+"""Seconds within which a call of ``step`` counts as immediate."""
 
 
 @dataclass
 class Idleness:
-    """Counts calls of a stage's ``step`` in a row that came back at once and took no step."""
+    """Counts consecutive calls of a stage's ``step`` that returned at once without a step."""
 
     method: str
     stage: str
     calls: int = 0
 
     def moved(self, before: int, after: int, seconds: float) -> bool:
-        """Whether a call took a step. Raises MethodFailed where many took none, and none of them waited."""
+        """Whether a call took a step. Raises MethodFailed after many immediate calls without one."""
         if after != before:
             self.calls = 0
             return True
@@ -387,7 +387,7 @@ class _StageLoop:
             self.started += time.perf_counter() - reached
 
     def _broken(self, failure: NumericalFailure, state: str) -> NumericalFailure:
-        """The failure of a step, told again after the state beside it was kept; ``state`` says which that is."""
+        """The failure of a step, to be raised again after its state was saved; ``state``: name of that state."""
         kept = f"{product_name(self.key.key)}.broken"
         self._keep(kept)
         return NumericalFailure(

@@ -1,4 +1,4 @@
-"""Passes progress on, and keeps in the store how far the cell has come, for `status` and for the parent of a pool."""
+"""Forwards progress, and keeps a cell's progress in the store, for `status` and for the parent of a pool."""
 
 import time
 from collections.abc import Callable
@@ -12,7 +12,7 @@ EVERY_SECONDS = 1.0
 
 
 class KeptPace(Progress):
-    """Progress of the cell ``key``, whose ``name`` what is passed on begins with; its file goes with the context."""
+    """Keeps the progress of cell ``key``, whose messages begin with ``name``; the file is removed with the context."""
 
     def __init__(
         self, progress: Progress, store: Store, key: str, clock: Callable[[], float] = time.monotonic, name: str = ""
@@ -31,7 +31,7 @@ class KeptPace(Progress):
         self.progress.say(line)
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Pass on, and keep what is due: the first report of every task, and one every EVERY_SECONDS."""
+        """Forward, and write if due: the first report of every task, then one every EVERY_SECONDS."""
         self.progress.advance(f"{self.before_task}{task}", done, total)
         now = self.clock()
         if task != self.task:

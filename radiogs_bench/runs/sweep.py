@@ -21,8 +21,8 @@ FINISHED = "finished"
 WITH = " with "
 
 STATED = ("choices", "maker", "not_represented", "licence")
-"""Names in a scene's ``metadata.json``: whether settings were tuned on it, who made it, its material that the BRDF
-cannot represent, and its licence."""
+"""Names in a scene's ``metadata.json``: whether settings were tuned on it, its maker, its material that the BRDF cannot
+represent, and its licence."""
 
 
 class CellRef(TypedDict):
@@ -49,13 +49,13 @@ class TableRow(TypedDict):
     recipe: NotRequired[str]
     """The recipe of the row's method; absent where the method has none, and in folders of earlier versions."""
     refused: NotRequired[str]
-    """Why the row has no cells: the method does not take these parts."""
+    """Why the row has no cells: its method does not take these parts."""
     files: NotRequired[str]
     """The code whose layout was read, in rows that were scored from files (``runs.rows_from_files``)."""
 
 
 class Sweep(TypedDict):
-    """The manifest of a folder's last ``run``: enough to rebuild its table without the code that ran it."""
+    """The manifest of a folder's last ``run``: enough to rebuild its table without the code of its methods."""
 
     schema: str
     suite: str
@@ -128,7 +128,7 @@ def label(ref: CellRef) -> str:
 
 
 def state_of(store: Store, ref: CellRef) -> str:
-    """State of a cell: finished, failed, trained but not scored, begun, or to do; last, what of it was damaged."""
+    """State of a cell: finished, failed, trained but not scored, begun, or to do; last, a note on damaged results."""
     state = _progress(store, ref)
     key = ref["key"]
     damaged = [name for name in kept_aside(store.folder) if name.startswith((f"{key}.json", f"{key}.npz"))]
@@ -158,13 +158,13 @@ def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
 
 @contextmanager
 def changing_sweep(store: Store) -> Iterator[Callable[[Sweep], None]]:
-    """Exclusive right to read the manifest and to write another one, which the function that is given does."""
+    """Context of exclusive right to read and replace the manifest; yields the function that replaces it."""
     with store.patient_claim("sweep"):
         yield lambda sweep: write_sealed(_path(store.folder), sweep)
 
 
 def finished_results(store: Store, sweep: Sweep, why: str) -> dict[str, Result]:
-    """The results of all cells by their labels. Raises DataError where one is missing; ``why`` none may be."""
+    """The results of all cells by label. Raises DataError if one is missing; ``why`` that is an error."""
     found = {label(ref): store.result(ref["key"]) for ref in sweep["cells"]}
     missing = [name for name, result in found.items() if result is None]
     if missing:
@@ -182,7 +182,7 @@ def has_sweep(folder: Path) -> bool:
 
 
 def read_sweep(folder: Path) -> Sweep:
-    """The manifest of a folder's last run. Raises DataError if there is none, or one that contradicts itself."""
+    """The manifest of a folder's last run. Raises DataError if it is missing or inconsistent."""
     path = _path(folder)
     try:
         stored = cast(Sweep, read_sealed(path, SWEEP_SCHEMA, Sweep.__required_keys__, Sweep))
@@ -211,7 +211,7 @@ def read_sweep(folder: Path) -> Sweep:
 
 
 def _contradictions(stored: Sweep) -> Iterator[str]:
-    """Places where a manifest of right types does not agree with itself, or names what no table has."""
+    """Places where a manifest with right types contradicts itself, or has a name that no table knows."""
     rows = {row["key"] for row in stored["rows"]}
     if stored["reference"] is not None and stored["reference"] not in rows:
         yield f"its reference row {stored['reference']!r:.80} is none of its rows"

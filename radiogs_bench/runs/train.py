@@ -1,4 +1,4 @@
-"""Runs the cells of experiments that train: train, score, store; also score on the way, or account for the cost."""
+"""Runs the cells of experiments that train: train, score, store; also scores during training, or accounts for costs."""
 
 import math
 import time
@@ -46,7 +46,7 @@ def train_and_score(
     accounts: Accounts | None = None,
     score: Scorer = scored,
 ) -> None:
-    """Train the cell's model, score it, also ``along_the_way``, add ``accounts`` of it, and store the result."""
+    """Train the cell's model, score it (also ``along_the_way``), add its ``accounts``, and store the result."""
     model, ledgers = trained(bench, cell, scene, along_the_way)
     reset_peaks(bench.device)
     with recording() as instruments:
@@ -100,9 +100,9 @@ def train_and_score_on_the_way(bench: Bench, cell: Cell, scene: Scene) -> None:
 
 
 def accounts(facts: dict[str, Any], ledgers: dict[str, Ledger]) -> tuple[dict[str, float], dict[str, float]]:
-    """Costs of training as metrics and timings, and the metrics among the method's facts.
+    """Training costs as metrics and timings, and metrics from the method's facts.
 
-    ``stage2/rays`` (millions) and ``stage2/seconds`` are those of the last stage, ``training/seconds`` of all stages.
+    ``stage2/rays`` (millions) and ``stage2/seconds`` are the last stage's, ``training/seconds`` of all stages.
     """
     last = next(reversed(ledgers.values()))
     metrics = {"stage2/rays": 1e-6 * last["work"].get("rays", 0), **facts.get("metrics", {})}

@@ -41,13 +41,13 @@ TRAINED_SCHEMA = "radiogs-bench/trained/3"
 
 @dataclass(frozen=True)
 class Origin:
-    """The names by which the scene and the budget of a model are found again."""
+    """The names by which a model's scene and budget are found again."""
 
     scene: str
     """The scene's name or folder."""
     preset: str
     budget: Mapping[str, Any]
-    """Numbers that take the place of the preset's, by dotted names."""
+    """Values that replace numbers of the preset, by dotted names."""
 
 
 class About(TypedDict):
@@ -59,7 +59,7 @@ class About(TypedDict):
     scene: str
     """Name of a scene of the package, or the absolute path of the scene's folder."""
     given: NotRequired[str]
-    """The name that ``train`` was given, for a folder that was moved: data roots and working folders are looked in."""
+    """The name given to ``train``, to find a moved folder in data roots and working folders."""
     options: NotRequired[dict[str, Any]]
     """The options that the scene was opened with (``SceneOptions.plain``); absent for a scene as it is stored."""
     checksum: str
@@ -114,7 +114,7 @@ def write_trained(store: Store, origin: Origin, scene: Scene, cell: Cell, model:
 
 
 def _exported(method_name: str, model: Trained, folder: Path) -> list[Path]:
-    """The model's files: the method writes them into a new folder, without links, and then they take their places."""
+    """The model's files: the method writes them into a new folder, without links; then they are moved into place."""
     with explained(folder), TemporaryDirectory(prefix=".export-", dir=folder) as new:
         with calling(method_name, "export()"):
             listed = [Path(path) for path in model.export(Path(new))]
@@ -171,7 +171,7 @@ def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | Non
 def read_trained(folder: Path, device: torch.device, changes: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
     """The run and the model that were trained in a folder.
 
-    ``changes`` changes fields of the variant that only rendering reads, such as RadioGS's ``relighting``. Raises
+    ``changes``: new values of variant fields that only rendering reads, such as RadioGS's ``relighting``. Raises
     DataError if there is no model or its scene has changed.
     """
     about = read_about(folder)

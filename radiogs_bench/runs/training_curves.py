@@ -71,9 +71,9 @@ Lengths = tuple[dict[str, float], dict[str, float]]
 class FirstSteps:
     """Records the first steps of a stage: weighted losses, and lengths of gradients and of updates.
 
-    ``steps`` are plain values from which the record can be continued. Nothing is changed, so that training gives the
-    same bits. After so few steps rounding has not yet grown: a lost term, another weight or another learning rate shows
-    there before it shows in any metric.
+    ``steps`` are plain values from which the record can be continued. Recording does not change the training's bits.
+    After so few steps rounding errors are still small: a lost term, another weight or another learning rate shows there
+    before it shows in any metric.
     """
 
     def __init__(self, steps: Sequence[FirstStep] = ()) -> None:
@@ -113,7 +113,7 @@ class FirstSteps:
                 updates[name] = _length(value.detach() - before[name])
 
     def add(self, iteration: int, losses: Mapping[str, float], lengths: Lengths) -> None:
-        """Add the step that has ended with ``iteration``, if it is among the first ones."""
+        """Add the step that ended with ``iteration``, if it is one of the first."""
         if iteration <= FIRST_STEPS:
             gradients, updates = lengths
             self.steps.append(FirstStep(iteration=iteration, losses=dict(losses), gradients=gradients, updates=updates))

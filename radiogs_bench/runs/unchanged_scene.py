@@ -1,4 +1,4 @@
-"""Whether a scene's files are still those whose checksum stands in the keys of what is about to be stored."""
+"""Whether a scene's files still have the checksum in the keys of what is about to be stored."""
 
 import os
 from collections.abc import Callable
@@ -15,11 +15,11 @@ Mark = tuple[tuple[str, int, int, int], ...]
 """Name, size and times of every file below a scene's folders."""
 
 _seen: dict[tuple[Path, str], Mark] = {}
-"""The last mark of each scene whose digest agreed, by folder and checksum, for the life of the process."""
+"""The last mark of each scene with an unchanged digest, by folder and checksum, for the life of the process."""
 
 
 def require_unchanged(scene: Scene, digest: Digest) -> None:
-    """Digest the scene's files again, which are read all through a run. Raises DataError where they are others now."""
+    """Digest the scene's files again, which are read throughout a run. Raises DataError if they have changed."""
     try:
         now = digest(scene)
     except DataError as error:
@@ -30,7 +30,7 @@ def require_unchanged(scene: Scene, digest: Digest) -> None:
 
 
 def require_unchanged_if_touched(scene: Scene, digest: Digest) -> None:
-    """The same, where sizes or times of files are others than when it was last looked at: cheap while nothing is."""
+    """As ``require_unchanged``, only if sizes or times of files differ from the last check: cheap if they do not."""
     if scene.folder is None:
         return
     key, mark = (scene.folder.resolve(), scene.checksum), _mark(scene)

@@ -47,16 +47,16 @@ Advance = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Scope:
-    """Work besides scoring."""
+    """Measurements besides scores."""
 
     timed: bool = True
     """Whether milliseconds and memory of a frame are measured."""
     kept_views: int | None = 0
     """Number of views whose maps are kept as 8-bit codes (``ReportArrays``); None: as many as fit a limit."""
     surfels: bool = True
-    """Whether the model's surfels are kept for the reports, with the paths of light between them."""
+    """Whether the model's surfels, and paths of light between them, are kept for the reports."""
     reference: bool = False
-    """Whether relit views are also compared with those of the method's reference mode (``RelitByReference``)."""
+    """Whether relit views are also compared with views in the method's reference mode (``RelitByReference``)."""
 
 
 TIMED = Scope()
@@ -65,7 +65,7 @@ SCORES_ALONE = Scope(timed=False, surfels=False)
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The measurements of a trained model: fields of a result (``store.schema.Result``), and its arrays."""
+    """The measurements of a trained model: fields of a result (``store.schema.Result``), and arrays."""
 
     metrics: dict[str, MetricValue]
     timings: dict[str, MetricValue]
@@ -146,7 +146,7 @@ class _Evaluator:
         self.total = len(scene.test) + sum(map(len, self.lit.values()))
 
     def still_there(self) -> None:
-        """Report progress during a long preparation of a method, which may be stopped here."""
+        """Report progress during a method's long preparation; a request to stop takes effect here."""
         with as_before():
             self.advance(self.done, self.total)
 
@@ -188,7 +188,7 @@ class _Evaluator:
         return view_on_black(prepared, view, self.device, *further, method=self.method)
 
     def measure(self, task: str, prepared: Prepared, views: Sequence[View]) -> None:
-        """Measure ``task/ms`` of each view and ``task/megabytes`` (10^6 bytes), the most that any of its frames took.
+        """Measure ``task/ms`` of each view and ``task/megabytes`` (10^6 bytes), the largest peak of any frame.
 
         Memory is the peak of the CUDA allocator on a GPU, including what the model keeps between frames; on a CPU it is
         the resident set of the whole process, including libraries and the scene's images.
@@ -219,7 +219,7 @@ class _Evaluator:
         self.measure("nvs", prepared, self.scene.test)
 
     def compare_light(self, trained: Trained) -> None:
-        """Score the recovered light where there is one and the true one is known."""
+        """Score the recovered light if the model has one and the true light is known."""
         with calling(self.method, "light"):
             light = trained.light
         if light is None:
@@ -267,7 +267,7 @@ class _Evaluator:
             self.costs.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
 
     def _reference(self, trained: Trained, light: str, albedo_scale: Float[Tensor, "3"]) -> Prepared | None:
-        """The model under a light in the reference mode of its method, if that is asked for and there is one."""
+        """The model under a light in its method's reference mode, if that is requested and offered."""
         if not (self.scope.reference and isinstance(trained, RelitByReference)):
             return None
         with calling(self.method, "reference()"):
@@ -276,7 +276,7 @@ class _Evaluator:
         return ready
 
     def _against(self, reference: Prepared | None, view: View, maps: Maps) -> dict[str, Value]:
-        """A relit view's metrics against the same view of the reference."""
+        """Metrics of a relit view against the same view in the reference mode."""
         if reference is None or "image" not in maps:
             return without_reference(f"{self.method} has no reference of relighting")
         return against_reference(maps["image"], self.rendered(reference, view)["image"], coverage(view))

@@ -23,7 +23,7 @@ class MetricsByView:
         self._withheld: dict[tuple[str, str], str] = {}
 
     def withhold(self, task: str, view: str, reason: str) -> None:
-        """Say why a view has no values of a task, where it is not for want of ground truth."""
+        """Give the reason why a view has no values of a task, if it is something other than missing ground truth."""
         self._withheld[task, view] = reason
 
     def add(self, task: str, view: str, scores: Mapping[str, Value]) -> None:

@@ -1,8 +1,8 @@
 """Sentences on predictions that fit their truth far better when they are read in another way.
 
 Codes differ in ground, order of views, transfer curve and axes, and files do not say which they have. The truth does:
-each known alternative is tried, and one that explains most of the error is named. No value is changed by it. Images
-that are merely bad (noise, blur, a coarse model) fit none of them better, and nothing is said.
+each known alternative is tried, and one that explains most of the error is named. No value is changed. Images that are
+merely bad (noise, blur, a coarse model) fit no alternative better, and yield no sentence.
 """
 
 import itertools
@@ -47,10 +47,10 @@ GROUND_SPREAD = 0.1
 """Largest difference in display values from a ground of one colour."""
 
 TURNED, MOST_LEFT = 15.0, 30.0
-"""Degrees by which normals in other axes have to fit better, and the most that may be left."""
+"""Degrees by which normals in other axes have to fit better, and the largest remaining error."""
 
 MOST_NORMALS, MOST_PIXELS = 4000, 20_000
-"""Normals of a view that are looked at, and pixels by which a power is fitted, evenly spaced."""
+"""Most normals compared per view, and most pixels to which a power is fitted, evenly spaced."""
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ def _values(what: str, pairs: Sequence[Pair], *, linear: bool) -> list[str]:
 
 
 def _aligned(images: list[Image], pairs: Sequence[Pair], linear: bool) -> list[Image]:
-    """Linear maps times the factor of each channel that fits best: albedo is known only up to it."""
+    """Linear maps, each channel times its least-squares factor: albedo is known only up to that factor."""
     if not linear:
         return images
     top = sum((i * p.target).double().sum((0, 1)) for i, p in zip(images, pairs, strict=True))
@@ -239,7 +239,7 @@ def _gamma(images: list[Image], pairs: Sequence[Pair]) -> tuple[str, list[Image]
 
 
 def _sampled(image: Image) -> Float[Tensor, "pixels 3"]:
-    """Evenly spaced pixels, at most twice MOST_PIXELS of them."""
+    """Evenly spaced pixels, fewer than twice MOST_PIXELS."""
     return image.flatten(0, 1)[:: max(1, image[..., 0].numel() // MOST_PIXELS)]
 
 
@@ -283,7 +283,7 @@ def _degrees(found: Float[Tensor, "pixels 3"], true: Float[Tensor, "pixels 3"]) 
 
 
 def _axes_in_words(order: Sequence[int], signs: Sequence[float], in_camera: bool) -> str:
-    """Which components of the file are those of the world, or of the camera's right, down and forward."""
+    """The file's components, in words, for each axis of the world, or for each camera's right, down and forward."""
     parts = ["-" * (sign < 0) + "xyz"[place] for place, sign in zip(order, signs, strict=True)]
     where = "right, down and forward of each camera" if in_camera else "x, y and z of the world"
     return f"with ({', '.join(parts)}) of the file for {where}"

@@ -26,21 +26,21 @@ PIXELS = 4096
 """Pixels of all test views together, background included, at which the light on surfaces is compared."""
 
 ROWS = 64
-"""Rows at which the light on surfaces is integrated: those of the finest learnt map."""
+"""Rows of the grid over which the light on surfaces is integrated: as many as the finest learnt map has."""
 
 GLOSSY = 0.5
 """Largest perceptual roughness of a surface whose reflections count."""
 
 SHARPEST = 0.2
-"""Least roughness that reflections are blurred with: at half its height, the lobe is two texels of ROWS wide."""
+"""Least roughness of the blur of reflections: its lobe is two texels of ROWS wide at half height."""
 
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Multiples of it, modulo one, are evenly spread."""
+"""Fractional parts of its multiples are evenly spread."""
 
 BLACK = "the true light is black"
 
 NOT_DISTANT = "the scene has no masks: what lights it is part of the model, and not a distant light"
-"""Why the metrics of a scene without masks lack relighting and the recovered light."""
+"""Why relighting and recovered light have no metrics in a scene without masks."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def score_light(by_protocol: Sequence[MetricsByView], scene: Scene, found: Envir
 
 
 def score_constant_light(scores: MetricsByView, scene: Scene) -> None:
-    """Score the mean of the true light, which no constant light is closer to."""
+    """Score the mean of the true light, the best constant estimate."""
     if scene.training_light is None:
         return
     light = scene.training_light.radiance.cpu().double()
@@ -79,7 +79,7 @@ def score_constant_light(scores: MetricsByView, scene: Scene) -> None:
 
 
 def withhold_light(scores: MetricsByView, scene: Scene) -> None:
-    """Say why relighting, recovered light and albedo are n/a where a model has learnt its surroundings."""
+    """Give the reason why relighting, recovered light and albedo are n/a for a model that learns its surroundings."""
     if not scene.surrounded:
         return
     for task in ("relight", "albedo"):
@@ -89,7 +89,7 @@ def withhold_light(scores: MetricsByView, scene: Scene) -> None:
 
 
 def resolution_floor(rules: Protocol, truth: Float[Tensor, "height width 3"], rows: int, columns: int) -> Value:
-    """The error, up to scale, of the true light averaged to a map of this size and looked up as recovered maps are."""
+    """The error, up to scale, of the true light averaged to a map of this size and interpolated like recovered maps."""
     coarse = EnvironmentMap(averaged(truth, rows, columns))
     return rules.score_environment(_like(truth.double(), coarse), truth)["error_scaled"]
 
@@ -97,7 +97,7 @@ def resolution_floor(rules: Protocol, truth: Float[Tensor, "height width 3"], ro
 def score_light_on_surfaces(
     rules: Protocol, seen: SeenSurface, found: EnvironmentMap, true: EnvironmentMap
 ) -> dict[str, Value]:
-    """``irradiance`` and ``reflection``: relative squared errors of what the recovered light sends to seen surfaces.
+    """``irradiance`` and ``reflection``: relative squared errors of the recovered light's effect on seen surfaces.
 
     Irradiance is unshadowed. Reflection is radiance averaged over the GGX lobe of the true roughness around the mirror
     direction, at points whose roughness is at most GLOSSY. Each is compared after the protocol's alignment, by
@@ -121,7 +121,7 @@ def _error(rules: Protocol, ours: Float[Tensor, "points 3"], theirs: Float[Tenso
 
 
 def seen_surface(views: Sequence[View]) -> SeenSurface:
-    """Points at evenly spread pixels that the truth covers by more than half; none of views without true normals."""
+    """Points at evenly spread pixels that the truth covers by more than half; none in views without true normals."""
     share = PIXELS / max(PIXELS, sum(view.camera.width * view.camera.height for view in views))
     points = [_points(view, share) for view in views if view.has("normal")]
     none = torch.empty(0, 7, dtype=torch.float64)
@@ -142,7 +142,7 @@ def _points(view: View, share: float) -> Float[Tensor, "points 7"]:
 
 
 def _without(seen: SeenSurface) -> str:
-    """Why there are no reflections to compare; empty if there are."""
+    """Why no reflections can be compared; empty if they can."""
     if not len(seen.normals):
         return "no test view shows a surface with a true normal"
     if seen.roughness.isnan().all():
@@ -153,5 +153,5 @@ def _without(seen: SeenSurface) -> str:
 
 
 def _like(truth: Float[Tensor, "height width 3"], found: EnvironmentMap) -> Float[Tensor, "height width 3"]:
-    """The recovered light at the texels of the true one."""
+    """The recovered light interpolated at the texels of the true light."""
     return found.lookup(texel_directions(*truth.shape[:2], dtype=truth.dtype))

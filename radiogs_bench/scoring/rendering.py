@@ -23,11 +23,11 @@ CHANNELS = {"alpha": 1, "roughness": 1, "depth": 1}
 """Channels of the maps that do not have three."""
 
 GEOMETRY = ("alpha", "normal", "depth")
-"""Maps that are not multiplied by coverage: normals stay unit, depths are those of the surface."""
+"""Maps that are not multiplied by coverage: normals stay unit vectors, depths belong to the surface."""
 
 
 FINITE = ("image", "alpha")
-"""Maps that have a value everywhere; others may have none where nothing is, and not all of them are scored."""
+"""Maps that must be finite everywhere; other maps may be undefined where nothing is covered."""
 
 
 def on_black(
@@ -35,9 +35,9 @@ def on_black(
 ) -> dict[str, Tensor]:
     """The maps of a camera, on the CPU, composited on black; images in display sRGB and clipped, others as declared.
 
-    Without ``alpha`` nothing is known of coverage, and maps are taken as they are. ``method`` and ``view`` are what
-    messages call them. Raises MethodFailed for a map that the method did not declare, or that has not the camera's
-    size or is no tensor of floating point; NumericalFailure for an image that is not finite.
+    Without ``alpha`` coverage is unknown, and maps stay as they are. ``method`` and ``view`` are names for messages.
+    Raises MethodFailed for a map that the method did not declare, of another size than the camera's, or not of floating
+    point; NumericalFailure for an image that is not finite.
     """
     with calling(method, "render()" + (f" of view '{view}'" if view else "")):
         maps = dict(prepared.render(own_camera(camera), *further))
@@ -71,7 +71,7 @@ def prepared(method: str, model: Trained, *lit: Any) -> Prepared:
 
 
 WARM_UP = 3
-"""Frames that are not timed: the first ones allocate memory and, on a GPU, select kernels."""
+"""Untimed frames: the first frames allocate memory and, on a GPU, select kernels."""
 
 
 def frame_milliseconds(

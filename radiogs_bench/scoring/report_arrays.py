@@ -24,34 +24,34 @@ SHOWN = ("image", "albedo", "normal", "roughness", "indirect")
 """Maps of the shown view that are kept."""
 
 ARRIVING = ("incident", "incident_direct")
-"""Maps of incident light, indirect and direct, that are kept with them where a method offers them."""
+"""Maps of incident light, indirect and direct, that are also kept if a method offers them."""
 
 LIGHTS_SHOWN = 4
-"""Relit maps of the shown view are kept for this many lights, the first ones, and these lights with the surfels."""
+"""Number of lights for which relit maps of the shown view are kept; the same lights are kept with the surfels."""
 
 MAPS = ("image", "albedo", "normal", "roughness", "depth", "indirect")
 """Maps whose codes are kept of a view, beside its relit images."""
 
 KEPT_BYTES = 128 * 2**20
-"""Codes of a cell, before compression, if no number of views is asked for: predictions and truth together."""
+"""Bytes of a cell's codes, before compression, predictions and truth together, if no number of views is set."""
 
 CHANNELS = 14
 """Channels of all ``MAPS`` together."""
 
 MARGIN = 0.1
-"""The range of depths is wider than the true range by this share of it, on both sides."""
+"""Share of the true range by which the range of depths is extended on both sides."""
 
 LARGEST_HEIGHT = 64
-"""Most rows of a kept light: those of the finest learnt map (preset ``paper``); measured maps have up to 1024."""
+"""Most rows of a kept light: as many as the finest learnt map has (preset ``paper``); measured maps have up to 1024."""
 
 MOST_SURFELS = 50_000
-"""Surfels of a larger model that are kept: those that cover most, by area times opacity. About 2 MB."""
+"""Most surfels that are kept: the ones with the largest area times opacity. About 2 MB."""
 
 LIGHT_HEIGHT = 32
 """Rows of the lights that are kept with surfels: a texel is about as wide as 512 directions are apart."""
 
 RECOVERED = "recovered"
-"""Name of a model's own light among them."""
+"""Name of a model's own light among the kept lights."""
 
 Image = Float[Tensor, "height width channels"]
 Grey = Float[Tensor, "height width 1"]
@@ -66,10 +66,10 @@ class ReportArrays:
     ``truth/``. ``render/incident``, the incident indirect light, is there if a method renders it;
     ``render/environment`` and ``truth/environment`` (see ``light_maps``) if both lights are known.
 
-    Codes are uint8 [height, width, channels] by ``views/<number>/<side>/<map>``: ``number`` is the place of the view
-    among the test views and those elsewhere, ``side`` is ``render`` or ``truth``. Images are in display sRGB, albedo
+    Codes are uint8 [height, width, channels] by ``views/<number>/<side>/<map>``: ``number`` is the view's position
+    among the test views and views elsewhere, ``side`` is ``render`` or ``truth``. Images are in display sRGB, albedo
     and indirect light are encoded in sRGB, normals are (n + 1) / 2 with 0 0 0 where there is no surface, depth is 255
-    in front to 1 at the back and 0 where nothing is seen, over one range for all who render the view.
+    in front to 1 at the back and 0 where nothing is seen, over one range for everyone who renders the view.
     """
 
     def __init__(self, scene: Scene, lit: Mapping[str, Sequence[View]], kept_views: int | None) -> None:
@@ -85,7 +85,7 @@ class ReportArrays:
 
     @property
     def shown_light(self) -> str | None:
-        """The light of the relit map; None where there is no such map."""
+        """The light of the relit map; None without a relit map."""
         return self.first_light if "render/relit" in self.maps else None
 
     @property
@@ -94,7 +94,7 @@ class ReportArrays:
         return {name: image.cpu().numpy().astype(np.float32) for name, image in self.maps.items()} | self.codes
 
     def add(self, view: View, maps: Maps) -> None:
-        """Keep a test view under its own light; its albedo comes once it is aligned."""
+        """Keep a test view under its own light; its albedo is added once it is aligned."""
         self._encode(view, {name: image for name, image in maps.items() if name != "albedo"})
         if view is self.shown:
             self.maps |= {f"render/{name}": maps[name] for name in (*SHOWN, *ARRIVING) if name in maps}
@@ -123,7 +123,7 @@ class ReportArrays:
                 self.maps[f"truth/relit_indirect/{light}"] = truth(view, f"relit/{light}/indirect")
 
     def add_light(self, found: EnvironmentMap) -> None:
-        """Keep the recovered light beside the true one, where that is known."""
+        """Keep the recovered light, and the true one if it is known."""
         if self.scene.training_light is not None:
             self.maps |= light_maps(found, self.scene.training_light)
 
@@ -160,7 +160,7 @@ def light_maps(found: EnvironmentMap, true: EnvironmentMap) -> dict[str, Float[T
 
 
 def depth_range(view: View, extent: float) -> tuple[float, float]:
-    """Depths shown in white and in black: those of the truth with a margin; without truth 0 to twice the extent."""
+    """Depths shown in white and in black: the true range with a margin; without truth, 0 to twice the extent."""
     if view.has("depth"):
         depth = truth(view, "depth")
         seen = depth[depth > 0]
@@ -200,13 +200,13 @@ def arrays_of(
 
     ``surfels/centre`` [N, 3] and ``surfels/tangents`` [N, 2, 3], scaled by their standard deviations, float32, world
     units; ``surfels/opacity`` [N], ``surfels/radiance`` (mean over directions) and ``surfels/albedo`` [N, 3], linear,
-    and ``surfels/roughness`` [N], float16; ``surfels/count`` [1], how many the model has; ``surfels/eye``,
-    ``surfels/up``, ``surfels/middle`` [3] and ``surfels/arc`` [2], from where it is seen (``InitialViewpoint``; the
-    last two where it has them).
+    and ``surfels/roughness`` [N], float16; ``surfels/count`` [1], the model's number of surfels; ``surfels/eye``,
+    ``surfels/up``, ``surfels/middle`` [3] and ``surfels/arc`` [2], the ``InitialViewpoint`` (the last two if it has
+    them).
 
-    For relighting (``light_paths``): ``surfels/seen`` [N, 64], uint8, the bits of its directions, the first one lowest;
-    ``surfels/met`` [N, 32], int32, places among the kept surfels, -1 for none; ``surfels/light/<name>`` [32, 64, 3],
-    linear radiance of lights in the model's world.
+    For relighting (``light_paths``): ``surfels/seen`` [N, 64], uint8, one bit per direction, lowest bit first;
+    ``surfels/met`` [N, 32], int32, indices of kept surfels, -1 for none; ``surfels/light/<name>`` [32, 64, 3], linear
+    radiance of lights in the model's world.
     """
     kept = (surfels.opacity * surfels.scale.prod(-1)).argsort(descending=True, stable=True)[:MOST_SURFELS]
     any_direction = torch.tensor([0.0, 0.0, 1.0], device=surfels.centre.device).expand_as(surfels.centre)

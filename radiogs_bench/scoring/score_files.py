@@ -1,4 +1,4 @@
-"""Scoring somebody else's results: a folder of predictions of a scene, under one protocol or several."""
+"""Scores other programs' results: a folder of predictions of a scene, under one protocol or several."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Grey = Float[Tensor, "height width 1"]
 
 @dataclass(frozen=True)
 class Score:
-    """Metrics under one protocol; ``albedo_scale`` is the factor per channel that aligned the albedo, if it was."""
+    """Metrics under one protocol; ``albedo_scale``: the factor per channel that aligned the albedo, if any."""
 
     protocol: Protocol
     metrics: dict[str, MetricValue]
@@ -40,10 +40,10 @@ def score_predictions(
 ) -> list[Score]:
     """Compare everything that a folder predicts with the scene's ground truth; every file is read once.
 
-    With several lights there are metrics of each (``relight/<light>/psnr``) beside those of all (``relight/psnr``),
-    which exist only if every light was rendered: a mean over fewer lights would not be comparable. ``advance`` is
-    called with (done, total) views. ``report`` collects what is compared, with the albedo as the last protocol aligns
-    it. Raises DataError for a damaged file or one of the wrong size.
+    With several lights there are metrics of each light (``relight/<light>/psnr``), and of all together
+    (``relight/psnr``) only if every light was rendered: a mean over fewer lights would not be comparable. ``advance``
+    is called with (done, total) views. ``report`` collects what is compared, with the albedo as the last protocol
+    aligns it. Raises DataError for a damaged file or one of the wrong size.
     """
     by_protocol = [MetricsByView(rules.on(scene.layout), [view.name for view in scene.test]) for rules in protocols]
     lit = lit_views(scene, scene.test) if predictions.relit and not scene.surrounded else {}
@@ -83,7 +83,7 @@ def score_predictions(
 
 
 def _withhold_missing(scores: MetricsByView, view: View, maps: Maps) -> None:
-    """Record the maps of a view that have a truth and no prediction; relit images have a record of their own."""
+    """Record which maps of a view have a truth but no prediction; relit images are recorded separately."""
     looked_for = {"nvs": "image", "indirect": compared_indirect(scores.rules)}
     for task in ("nvs", "normal", "depth", "roughness", "indirect", "albedo"):
         name = looked_for.get(task, task)
@@ -94,7 +94,7 @@ def _withhold_missing(scores: MetricsByView, view: View, maps: Maps) -> None:
 def _score_relit(
     by_protocol: Sequence[MetricsByView], light: str, view: View, image: Image, alpha: Grey | None, *, several: bool
 ) -> None:
-    """Score one relit image, whose predicted coverage ``alpha`` is the view's."""
+    """Score one relit image; ``alpha`` is the view's predicted coverage."""
     mask, target = coverage(view), truth(view, f"relit/{light}")
     for each in by_protocol:
         scores = each.rules.score_image(image, target, mask, alpha, "relight")

@@ -29,7 +29,7 @@ MULTIPLIED = ("normal", "depth", "direct", "indirect")
 
 
 def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> None:
-    """Score a view's maps where both a map and its truth exist. ``extent``: the scene's, world units."""
+    """Score a view's maps that exist in both prediction and truth. ``extent``: the scene's, world units."""
     rules, mask, alpha = scores.rules, coverage(view), maps.get("alpha")
     indirect = compared_indirect(rules)
     if "image" in maps and view.has("image"):
@@ -55,7 +55,7 @@ def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> 
 
 
 def over_counting(scores: Mapping[str, Value], share: float) -> dict[str, Value]:
-    """The values over the ``share`` of the pixels that count, from those over all pixels of images equal elsewhere.
+    """Convert values over all pixels to values over the ``share`` that counts, for images that are equal elsewhere.
 
     Errors elsewhere are zero, so a mean over all pixels is the mean over the pixels that count times their share. This
     holds for the squared error of PSNR exactly, for the dissimilarities of SSIM (1 - SSIM) and LPIPS but for windows
@@ -76,7 +76,7 @@ def over_counting(scores: Mapping[str, Value], share: float) -> dict[str, Value]
 
 
 def mean_roughness(view: View, maps: Maps) -> float | None:
-    """Mean of the recovered roughness where the view is covered by more than half; None without the map, or a mask.
+    """Mean of the recovered roughness where the view is covered by more than half; None without the map or a mask.
 
     Raises NumericalFailure where it is not finite there.
     """
@@ -95,9 +95,9 @@ def mean_roughness(view: View, maps: Maps) -> float | None:
 def against_reference(image: Image, reference: Image, mask: Float[Tensor, "height width 1"]) -> dict[str, Value]:
     """``bias`` and ``psnr_reference`` of a relit image, display sRGB on black, against the same view of the reference.
 
-    Both show the same model under the same light: what they differ by is the estimator of light transport. ``bias``: by
-    how many percent the mean linear radiance, times the true coverage, is above that of the reference; clipped pixels
-    count as they are shown. ``psnr_reference``: PSNR of the display images times the true coverage.
+    Both show one model under one light, and differ in the estimator of light transport. ``bias``: by how many percent
+    the mean linear radiance, times the true coverage, exceeds the reference's; clipped pixels count as shown.
+    ``psnr_reference``: PSNR of the display images times the true coverage.
     """
     radiance, expected = (float((srgb_decode(each) * mask).sum()) for each in (image, reference))
     bias = Value(100 * (radiance / expected - 1)) if expected > 0 else Value(None, "the reference is black")
@@ -110,10 +110,9 @@ def without_reference(reason: str) -> dict[str, Value]:
 
 
 def score_constant_roughness(scores: MetricsByView, scene: Scene) -> None:
-    """Score the best constant: ``roughness/constant``. A recovered roughness with that error carries no information.
+    """Score the best constant: ``roughness/constant``. A recovered roughness with its error carries no information.
 
-    The best constant has the least error, summed over the test views. Nothing is scored where a view has no true
-    roughness.
+    The best constant has the least error, summed over the test views. Nothing is scored if a view lacks true roughness.
     """
     views = [view for view in scene.test if view.has("roughness")]
     if not views or len(views) < len(scene.test):
@@ -135,7 +134,7 @@ def score_constant_roughness(scores: MetricsByView, scene: Scene) -> None:
 
 
 def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:
-    """Align the recovered albedo over all test views with a true one, and score it; returns the factor per channel."""
+    """Align the recovered albedo over all test views with true albedo, and score it; returns the factor per channel."""
     views = [view for view in scene.test if view.has("albedo") and "albedo" in rendered[view.name]]
     if not views or scene.surrounded:
         return None
@@ -150,7 +149,7 @@ def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Map
 
 
 def score_depth(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> None:
-    """Score depth over all test views with a true one, if the protocol compares depth."""
+    """Score depth over all test views with true depth, if the protocol compares depth."""
     views = [view for view in scene.test if view.has("depth") and "depth" in rendered[view.name]]
     if scores.rules.depth is None or not views:
         return
@@ -173,7 +172,7 @@ def compared_indirect(rules: Protocol) -> str:
 
 
 def coverage(view: View) -> Float[Tensor, "height width 1"]:
-    """The true coverage [height, width, 1]; 1 for a view without an alpha map, 0 at pixels that do not count."""
+    """The true coverage [height, width, 1]: 1 without an alpha map, and 0 at excluded pixels."""
     alpha = view.read("alpha") if view.has("alpha") else torch.ones(view.camera.height, view.camera.width, 1)
     return alpha * view.read("valid") if view.has("valid") else alpha
 

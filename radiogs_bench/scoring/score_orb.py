@@ -26,11 +26,11 @@ from .metrics.values import Value
 SOLID = 0.5
 
 BENCHMARK_SIDE = 512
-"""Pixels of a side at which Stanford-ORB compares."""
+"""Pixels per side at which Stanford-ORB compares."""
 
 
 def score_pairs(pairs: Sequence[Pair], rules: Protocol) -> dict[str, MetricValue]:
-    """Metrics by ``capture/task/measure``: the mean over the capture's pairs of that task, and each pair's value.
+    """Metrics by ``capture/task/measure``: the mean over the capture's pairs of the task, and each pair's value.
 
     Targets of another size are resized to the output's by area averaging. Without a mask the whole image counts. Depth
     is aligned over all views of a capture (``score_depths``). Pairs without a target are skipped. An image or albedo
@@ -109,7 +109,7 @@ def _albedo(pair: Pair, ours: Float[Tensor, "height width 3"], target: Path, rul
 
 
 def _white(target: Path) -> Float[Tensor, "height width 3"]:
-    """An image of ones of the target's shape, at the benchmark's resolution if the target is larger."""
+    """An image of ones with the target's shape, reduced to the benchmark's resolution if the target is larger."""
     height, width = _numbers(target).shape[:2]
     smaller = min(1.0, BENCHMARK_SIDE / max(height, width))
     return torch.ones(round(smaller * height), round(smaller * width), 3)
@@ -153,7 +153,7 @@ def _resized(image: Tensor, like: Tensor) -> Float[Tensor, "height width channel
 
 
 def shape_distance(output: Path, target: Path) -> Value:
-    """The chamfer distance of two mesh files, or the reason why there is none."""
+    """The chamfer distance of two mesh files, or the reason why it is missing."""
     try:
         (vertices, faces), (truth, _) = read_mesh(output), read_mesh(target)
     except UsageError as lacking:

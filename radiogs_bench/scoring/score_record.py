@@ -11,7 +11,7 @@ from .metrics.protocol import Protocol
 
 SCHEMA = "radiogs-bench/score/1"
 NOTES = ("remarks", "absent", "missing", "ignored")
-"""Keys of lists of sentences for people."""
+"""Keys of a record's lists of sentences for people."""
 
 
 def record_of(
@@ -22,7 +22,7 @@ def record_of(
     files: Mapping[str, Any] | None = None,
     **notes: Sequence[str],
 ) -> dict[str, Any]:
-    """The record of what ``code`` wrote, or is, at ``source``. ``protocols``: see ``scored``. ``notes``: ``NOTES``."""
+    """The record of scores of ``code``'s output at ``source``. ``protocols``: see ``scored``. ``notes``: ``NOTES``."""
     return {
         "schema": SCHEMA,
         "predictions": source,

@@ -1,4 +1,4 @@
-"""The true shape of a scene, where anything says what it is: a scanned mesh, the generator's solids, or depth maps."""
+"""The true shape of a scene, from a scanned mesh, the generator's solids, or depth maps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,21 +24,21 @@ from .metrics.surface_distance import (
 )
 
 SPACING = 1 / 400
-"""Size of the solids' cells, as a share of the extent. Distances from flat faces are off by 1/40 of that beside their
-edges, and exact elsewhere; those from a ball whose diameter is the extent by 1/400 of it."""
+"""Size of the solids' cells, as a share of the extent. Distances from flat faces are off by 1/40 of a cell beside
+edges, and exact elsewhere; distances from a ball whose diameter is the extent are off by 1/400 of a cell."""
 
 COVERED = 0.5
-"""Coverage above which a pixel's true depth is that of one surface."""
+"""Coverage above which a pixel's true depth counts as one surface's depth."""
 
 TOLERANCE = 2.0
-"""Largest distance in depth, in widths of a pixel there, of a visible point from the surface that a view sees."""
+"""Largest distance in depth, in local pixel widths, between a visible point and the surface that a view sees."""
 
 
 @dataclass(frozen=True)
 class TrueShape:
-    """A true surface: points on it, the distance of any point from it, and in words what it was taken from.
+    """A true surface: points on it, the distance of any point from it, and its source in words.
 
-    ``vertices`` are those of the scanned mesh, which Stanford-ORB compares with; None for any other truth.
+    ``vertices``: the scanned mesh's, which Stanford-ORB compares with; None for any other truth.
     """
 
     points: Float[np.ndarray, "points 3"]
@@ -48,7 +48,7 @@ class TrueShape:
 
 
 def true_shape(scene: Scene, seed: int = 0) -> TrueShape:
-    """The best truth that there is. Raises DataError with the reason where there is none."""
+    """The best available truth. Raises DataError with the reason if there is none."""
     if scene.layout == "stanford-orb" and scene.folder is not None:
         path = true_mesh_file(scene.folder)
         if path is not None:
@@ -70,7 +70,7 @@ def true_shape(scene: Scene, seed: int = 0) -> TrueShape:
 
 
 def _solids(scene: Scene, depths: Sequence[View], seed: int) -> TrueShape:
-    """The generator's solids; the points that have to be found again are on the parts that test views see."""
+    """The generator's solids; completeness is measured on the parts that test views see."""
     samples = scene.true_surfaces(SPACING * scene.extent)
     points = points_in_cells(samples, SAMPLES, seed)
     source = "the generator's solids"
@@ -84,7 +84,7 @@ def _solids(scene: Scene, depths: Sequence[View], seed: int) -> TrueShape:
 
 
 def _sees(view: View, points: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray, " points"]:
-    """Points that are where the view's true depth map has its surface."""
+    """Whether each point lies on the surface in the view's true depth map."""
     camera: Camera = view.camera.to("cpu", torch.float64)
     local = (torch.from_numpy(points) - camera.centre) @ camera.axes
     z = local[:, 2]

@@ -24,38 +24,38 @@ STEPS = {
     "brightness": math.log(1.25),
     "brightness, albedo free": math.log(1.25),
 }
-"""Amount by which each quantity is changed, and the accuracy that is required of it: a tenth of roughness's range, all
-of the variation that was found, a quarter of the brightness."""
+"""Amount by which each quantity is changed, which is also its required accuracy: a tenth of roughness's range, all of
+the recovered variation, a quarter of the brightness."""
 
 VIEWS = 8
-"""Training views that are compared, at most."""
+"""Most training views that are compared."""
 
 HALF_A_LEVEL = (0.5 / 255) ** 2
-"""Mean squared change of an image below which most of its pixels, stored in 8 bits, stay what they are."""
+"""Mean squared change of an image below which most of its pixels keep their value in 8 bits."""
 
 ROUNDING = 1 / 255**2 / 12
-"""Mean squared error of an image by its storage in 8 bits."""
+"""Mean squared error of an image caused by storage in 8 bits."""
 
 CONFIDENCE = 0.95
 
 PRODUCTS = 6
-"""Products with the Jacobian, at most, and as many with its transpose, by which the best answer is approached."""
+"""Most products with the Jacobian, and with its transpose, for the least-squares answer."""
 
 DAMPING = 0.01
-"""Share of ``HALF_A_LEVEL`` that an answer costs which changes every nuisance parameter by its unit (Tikhonov). It
+"""Tikhonov damping: the cost of an answer that changes every nuisance parameter by its unit, in ``HALF_A_LEVEL``. It
 selects the smallest answer where several hide a change alike."""
 
 SHORTENED = (1.0, 0.5)
-"""Factors of the linearised answer with which images are rendered."""
+"""Factors of the linearised answer for which images are rendered."""
 
 Error = Sequence[float]
-"""Squared error of each view, display sRGB, mean over channels: the sum over the frame per pixel that is covered."""
+"""Squared error of each view in display sRGB, averaged over channels: the sum over the frame per covered pixel."""
 
 
 def determined(
     trained: Trained, scene: Scene, device: torch.device, method: str, still_there: Callable[[], None] = lambda: None
 ) -> dict[str, Determined]:
-    """Tests each quantity that the trained model can be shown with changed; empty if it offers none.
+    """Tests each quantity that can be changed for showing the trained model; empty if the model offers none.
 
     ``still_there`` is called after each change and may raise to stop. Raises MethodFailed for an exception of the
     method and for images of another number or size than the cameras, NumericalFailure for one that is not finite.
@@ -124,7 +124,7 @@ class Comparison:
 
 
 def free_rise(nuisance: Nuisance, step: float, shown: Sequence[Images], comparison: Comparison) -> float:
-    """An upper bound on the rise by a step if everything else may answer: mean over a step up and a step down.
+    """Upper bound on the rise that a step causes while everything else may compensate: mean of a step up and down.
 
     ``shown``: the images as recovered, a step above, and a step below. The least-squares answer of the linearised
     images compensates the step up, its negative the step down, the whole or a part of it. The images are then rendered
@@ -169,7 +169,7 @@ def least_squares_answer(
 
 
 def with_free_rise(held: Determined, rise: float) -> Determined:
-    """The record with the rise if everything else may answer: where no image shows it, nothing is determined."""
+    """The record with ``rise_free``: a step that everything else can hide leaves the quantity undetermined."""
     return {
         **held,
         "rise_free": rise,
@@ -181,9 +181,9 @@ def with_free_rise(held: Determined, rise: float) -> Determined:
 def from_errors(value: float, step: float, here: Error, above: Error, below: Error) -> Determined:
     """Tests a quantity by three errors of each view: as recovered, and a step above and below.
 
-    Through the three runs a parabola. Half its second difference is the rise that a step costs wherever its lowest
-    point is; for small steps it is the mean squared change of the image, whatever the image's error. The lowest point
-    of the sum over views is where the views put the quantity, and the jackknife over views says how well they agree.
+    A parabola runs through the three. Half its second difference is the rise that a step causes from the lowest point;
+    for small steps it is the mean squared change of the image, whatever the image's error. The lowest point of the sum
+    over views is the views' estimate of the quantity, and the jackknife over views measures their agreement.
     """
     rises = [(up + down) / 2 - middle for middle, up, down in zip(here, above, below, strict=True)]
     slopes = [(up - down) / 2 for up, down in zip(above, below, strict=True)]
@@ -231,7 +231,7 @@ def _lowest(slopes: Sequence[float], rises: Sequence[float]) -> tuple[float | No
 
 
 def spread_over(views: Sequence[View], most: int) -> Sequence[View]:
-    """At most that many views, evenly spread over their list."""
+    """At most so many views, evenly spread over their list."""
     return [views[index * len(views) // most] for index in range(most)] if len(views) > most else views
 
 

@@ -41,7 +41,7 @@ def write_atomically(path: Path, content: bytes | memoryview) -> None:
 
 @contextmanager
 def explained(path: Path) -> Iterator[None]:
-    """Turn the operating system's refusal to write ``path`` into a StoreError that says what to do."""
+    """Turn the operating system's refusal to write ``path`` into a StoreError with a remedy."""
     try:
         yield
     except OSError as error:

@@ -22,15 +22,15 @@ LONGEST_HOLDER = 300
 
 
 class Claimed(Exception):
-    """Another living process holds the claim; the text says which."""
+    """Another living process holds the claim; the text names it."""
 
 
 @contextmanager
 def claim(path: Path, wait: float = 0.0) -> Iterator[None]:
     """Hold an exclusive claim on the lock file ``path``; raises Claimed if others keep it for ``wait`` seconds.
 
-    A negative ``wait`` has no end. The claim is a kernel lock on the file, not the existence of the file. The kernel
-    releases it when the process dies, by whatever signal: a claim never goes stale and no process id has to be checked.
+    A negative ``wait`` waits forever. The claim is a kernel lock on the file, not the existence of the file. The kernel
+    releases it when the process dies, by whatever signal: a claim never becomes stale, and process ids are irrelevant.
     A link is not followed.
     """
     lock = FileLock(path, fallback_to_soft=False, on_acquired=_sign)
@@ -74,13 +74,13 @@ def saying_who_holds(what: str) -> Iterator[None]:
 
 
 def _sign(descriptor: int) -> None:
-    """Write into a locked file who holds it."""
+    """Write the holder's process and machine into a locked file."""
     os.ftruncate(descriptor, 0)
     os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
 
 
 def _holder(path: Path) -> str:
-    """Who holds the claim; its file may be gone by now."""
+    """The claim's holder in words; its file may have disappeared."""
     try:
         with opened(path, LARGEST_TEXT) as file:
             return file.read(LONGEST_HOLDER).decode(errors="replace") or "another process"

@@ -1,7 +1,7 @@
-"""The store: a folder in which every file is complete and named by a key over what decides its content.
+"""The store: a folder in which every file is complete and named by a hash of everything that decides its content.
 
     OUT/stages/<key>.pt             product of a stage of training, shared by all cells that begin alike
-    OUT/stages/<key>.checkpoint.pt  where an unfinished stage stands
+    OUT/stages/<key>.checkpoint.pt  state of an unfinished stage
     OUT/work/<key>/                 files that a method keeps while it trains (methods as commands)
     OUT/cells/<key>.json            scored result (``schema.Result``): if it exists, the cell is done
     OUT/cells/<key>.npz             maps of one view, written before the JSON
@@ -57,7 +57,7 @@ class Store:
         require_own_folders(folder, *FOLDERS)
         self.folder = folder
         self._agreed: dict[str, tuple[int, ...]] = {}
-        """Size and times of the array files whose digest agreed, by digest: none is read twice."""
+        """Size and times of array files with a verified digest, by digest, so that each file is read only once."""
 
     def claim(self, name: str) -> AbstractContextManager[None]:
         """Exclusive right to work on a key, until the block ends or the process dies. Raises Claimed."""
@@ -73,7 +73,7 @@ class Store:
         return is_held(self.folder / "locks" / name)
 
     def remove_leavings(self) -> None:
-        """Remove temporary files and notes of progress that killed processes have left: nobody holds their claims."""
+        """Remove temporary files and notes of progress of killed processes: their claims are free."""
         for folder, claim_on in (("stages", stage_claim), ("cells", str), ("locks", str)):
             for path in [*(self.folder / folder).glob(".*.tmp"), *(self.folder / folder).glob("*.pace")]:
                 if not self.is_claimed(claim_on(path.name.removeprefix(".").partition(".")[0])):
@@ -86,8 +86,8 @@ class Store:
     def result(self, key: str) -> Result | None:
         """The finished result of a cell, or None. A file that does not agree with its seal is moved aside.
 
-        A result whose array file is missing or another than the one it names is not finished. Raises OtherSchema for a
-        result of another version, StoreError where the folder cannot be read.
+        A result whose array file is missing or has another digest is not finished. Raises OtherSchema for a result of
+        another version, StoreError where the folder cannot be read.
         """
         stored, arrays = self._sound(self._cell_path(key), lambda: self.sealed_result(key)), self.arrays_path(key)
         if stored is None:
@@ -97,7 +97,7 @@ class Store:
         return self._sound(arrays, lambda: self.check_arrays(stored))
 
     def _sound(self, path: Path, read: Callable[[], T]) -> T | None:
-        """The content of a file; None where there is none, and where it is damaged, which is moved aside."""
+        """The content of a file; None if it is missing, or damaged and then moved aside."""
         try:
             return read()
         except FileNotFoundError:
@@ -107,7 +107,7 @@ class Store:
             return None
 
     def sealed_result(self, key: str) -> Result:
-        """The result of a cell, unmoved. Raises FileNotFoundError, Broken, OtherSchema, StoreError."""
+        """The result of a cell; no file is moved. Raises FileNotFoundError, Broken, OtherSchema, StoreError."""
         stored = read_sealed(self._cell_path(key), RESULT_SCHEMA, RESULT_KEYS, Result)
         if stored["key"] != key or content_key(stored["cell"]) != key:
             raise Broken(f"it is not the result of cell {key}")
@@ -117,7 +117,7 @@ class Store:
         return result
 
     def check_arrays(self, result: Result) -> Result:
-        """The result, whose array file has the digest in it. Raises FileNotFoundError, Broken, StoreError."""
+        """The result, if its array file has the digest in it. Raises FileNotFoundError, Broken, StoreError."""
         path, named = self.arrays_path(result["key"]), result["arrays"]
         with explained_reading(path), opened(path) as file:
             stat = os.fstat(file.fileno())
@@ -176,7 +176,7 @@ class Store:
         return self._sound(self._failure_path(key), lambda: self.sealed_failure(key))
 
     def sealed_failure(self, key: str) -> Failure:
-        """The failure of a cell, whose seal agrees; nothing is moved. Raises as ``sealed_result`` does."""
+        """The failure of a cell, with a valid seal; no file is moved. Raises as ``sealed_result`` does."""
         stored = read_sealed(self._failure_path(key), RESULT_SCHEMA, FAILURE_KEYS, Failure)
         if stored["key"] != key:
             raise Broken(f"it is not the failure of cell {key}")
@@ -188,14 +188,14 @@ class Store:
 
     @contextmanager
     def keeping_tracebacks(self) -> Iterator[None]:
-        """Raises failures of a method again, with the path of the stored traceback."""
+        """Context that re-raises a method's failure with the path of its stored traceback."""
         try:
             yield
         except MethodFailed as failure:
             raise self.with_traceback(failure) from failure
 
     def with_traceback(self, failure: MethodFailed) -> MethodFailed:
-        """The failure with the path of its traceback, which is stored under a digest of its content, once for many."""
+        """The failure with the path of its traceback, which is stored once, under a digest of its content."""
         if not failure.trace:
             return failure
         content = failure.trace.encode(errors="replace")
@@ -273,7 +273,7 @@ def checkpoint_name(key: str) -> str:
 
 
 def set_aside(folder: Path, path: Path, reason: str) -> None:
-    """Move a damaged file of the store out of the way, never over another one; where that fails, it stays unused."""
+    """Move a damaged file of the store aside, never over another one; if that fails, it stays, unused."""
     aside = folder / ASIDE
     try:
         aside.mkdir(exist_ok=True)

@@ -24,11 +24,11 @@ def content_key(content: Mapping[str, Any]) -> str:
 
 
 PLAIN = re.compile(r"(?!\.)[\w.-]{1,120}")
-"""Letters, digits, dots, dashes and underscores, no dot first: neither a path nor the folder above."""
+"""Pattern of plain names: letters, digits, dots, dashes and underscores, not beginning with a dot."""
 
 
 def plain_name(name: object, origin: str) -> str:
-    """The name, if it is a plain file name. Raises DataError, which says where it stands (``origin``)."""
+    """The name, if it is a plain file name. Raises DataError, which names its ``origin``."""
     if isinstance(name, str) and PLAIN.fullmatch(name) is not None:
         return name
     raise DataError(

@@ -1,4 +1,4 @@
-"""Opens stored files, of which anything may stand in a folder that others made: regular files of bounded size only.
+"""Opens stored files: only regular files of bounded size, because other people's folders may hold anything.
 
 A named pipe would be waited for without end, a device or a file of holes never ends or fills memory. Links are followed
 as far as a regular file.
@@ -30,7 +30,7 @@ compressed arrays, checkpoints and JSON are not."""
 
 @contextmanager
 def opened(path: Path, most: int = LARGEST_ARRAYS) -> Iterator[BufferedReader]:
-    """A stored file, open for reading. Raises DataError for no regular file of at most ``most`` bytes, and OSError."""
+    """A stored file, open for reading. Raises DataError unless it is regular and of at most ``most`` bytes; OSError."""
     try:
         # Without O_NONBLOCK, opening a named pipe would wait for somebody to write into it.
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)

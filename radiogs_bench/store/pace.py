@@ -50,7 +50,7 @@ class Pace:
 
 
 def put_pace(store: Store, key: str, pace: Pace) -> None:
-    """Write how far a cell has come. A disk that is full says so elsewhere: what is lost here is no result."""
+    """Write a cell's progress. A full disk is ignored here, as no result is lost; other writes report it."""
     path = _path(store, key)
     temporary = path.with_name(f".{path.name}.tmp")
     with suppress(OSError):
@@ -62,7 +62,7 @@ def put_pace(store: Store, key: str, pace: Pace) -> None:
 
 
 def drop_pace(store: Store, key: str) -> None:
-    """Nothing works on the cell any more."""
+    """Remove a cell's progress when no process works on it any more."""
     with suppress(OSError):
         _path(store, key).unlink(missing_ok=True)
 

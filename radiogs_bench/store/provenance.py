@@ -28,7 +28,7 @@ PROCESS_STATUS = Path("/proc/self/status")
 PEAK_RESET = Path("/proc/self/clear_refs")
 
 IDENTIFYING = ("vendor_id", "cpu family", "model", "stepping", "flags", "Features", "CPU implementer", "CPU part")
-"""Lines of the kernel's description of a processor that say which instructions it has, on x86 and on Arm."""
+"""Lines of the kernel's description of a processor that determine its instruction set, on x86 and on Arm."""
 
 SIDE, REPETITIONS = 256, 15
 """Rows and columns of the yardstick's two matrices, and how often they are multiplied."""
@@ -126,7 +126,7 @@ def resident() -> int:
 
 
 def resident_peak() -> int:
-    """Peak resident set, bytes. VmHWM where there is one, because getrusage cannot be reset."""
+    """Peak resident set, bytes: VmHWM if available, because getrusage cannot be reset."""
     if PROCESS_STATUS.exists():
         for line in PROCESS_STATUS.read_text().splitlines():
             if line.startswith("VmHWM:"):
@@ -147,7 +147,7 @@ def session(device: torch.device) -> Session:
 
 
 def wait_for(device: torch.device) -> None:
-    """Return when a GPU has finished what it was asked to do; a CPU has."""
+    """Return when the device has finished all submitted work; a CPU always has."""
     if device.type == "cuda":
         torch.cuda.synchronize(device)
 

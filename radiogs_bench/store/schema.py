@@ -1,4 +1,4 @@
-"""The schema of a stored result, key by key. Strict JSON; a number that does not exist is null and has a reason.
+"""The schema of a stored result, key by key. Strict JSON; a missing number is null and has a reason.
 
 The version rises when a key changes its meaning or is removed, or when a reader needs a new key. docs/start.md
 describes every key, and CHANGELOG.md the changes of versions.
@@ -18,11 +18,11 @@ class MetricValue(TypedDict):
     """One metric of a cell: the mean over its test views (for relighting: over lights, then views)."""
 
     value: float | None
-    """None if there is no finite value."""
+    """The value; None if it is missing or not finite."""
     reason: str | None
-    """Why the value is None."""
+    """Why the value is missing."""
     views: list[float | None]
-    """The value of each test view, in the order of the result's ``views``; None where there is none."""
+    """The value of each test view, in the order of the result's ``views``; None for a view without one."""
 
 
 class TrailPoint(TypedDict):
@@ -70,7 +70,7 @@ class Session(TypedDict):
     date: str
     """UTC, ISO 8601."""
     git: GitState | None
-    """State of the harness's own repository; None where it runs from an installed package."""
+    """State of the harness's own repository; None for an installed package."""
     versions: dict[str, str]
     """Python and every library whose version can change a digit."""
     machine: Machine
@@ -87,13 +87,13 @@ class Determined(TypedDict):
     value: float
     """Recovered value (``radiogs_core.capabilities.Varying.values``)."""
     step: float
-    """The amount by which it was changed, upwards and downwards."""
+    """Amount by which the quantity was changed, upwards and downwards."""
     views: int
     """Training views that were compared."""
     error: float
     """Squared error of their images, display sRGB, per covered pixel."""
     rise: float
-    """Increase of that error by a step: half the second difference over the three amounts."""
+    """Rise of the error by a step: half the second difference over the three amounts."""
     decibels: float
     """The same increase in decibels."""
     rise_free: NotRequired[float]
@@ -104,10 +104,10 @@ class Determined(TypedDict):
     offset: float | None
     """The change at which the error is lowest, by the parabola; None where ``rise`` is below half a level of 8 bits."""
     half_width: float | None
-    """Half the width of the offset's 95 % jackknife interval over views; None where there is none."""
+    """Half the width of the offset's 95 % jackknife interval over views; None without an interval."""
     determined: bool
     """Whether ``rise``, and ``rise_free`` where it is known, are above half a level of 8 bits, and the offset's whole
-    interval is within a step of none."""
+    interval lies within a step of zero."""
 
 
 class StageName(TypedDict):
@@ -136,26 +136,26 @@ class Result(TypedDict):
     key: str
     scene: str
     cell: dict[str, Any]
-    """Everything the key is the hash of: checksum, loader, method, variant, budget, seed, device, protocol, keys of the
-    stages, and code digests."""
+    """The content that the key is a hash of: checksum, loader, method, variant, budget, seed, device, protocol, keys of
+    the stages, and code digests."""
     protocol: dict[str, Any]
     """The conventions of the metric protocol, spelled out."""
     metrics: dict[str, MetricValue]
     """Metrics by ``task/measure``."""
     timings: dict[str, MetricValue]
-    """Costs by ``task/ms`` (milliseconds per frame) and ``task/megabytes`` (peak memory of a frame); apart from the
-    metrics, because no two runs agree in them."""
+    """Costs by ``task/ms`` (milliseconds per frame) and ``task/megabytes`` (peak memory of a frame); separate from the
+    metrics, because they differ between any two runs."""
     data: NotRequired[Data]
     """Absent in results of earlier versions, and where the test views are not compared."""
     views: list[str]
     """Names of the test views, then of views elsewhere that were scored."""
     shown_view: str | None
-    """The view whose maps are in the array file; None where it holds none (``stability``: curves)."""
+    """The view whose maps are in the array file; None without maps (``stability`` stores curves)."""
     shown_light: str | None
-    """The light of the relit map there; None where the scene is given under no other light."""
+    """The light of the relit map in the array file; None for a scene without other lights."""
     albedo_scale: list[float] | None
-    """Per channel factor that aligns the recovered albedo with the true one; relighting uses it too. None where
-    the scene has no true albedo (relighting then uses 1)."""
+    """Per channel factor that aligns the recovered albedo with the true one; relighting uses it too. None without true
+    albedo (relighting then uses 1)."""
     facts: dict[str, Any]
     """The method's facts about its trained model (``radiogs_core.contract.Trained.facts``), such as ``surfels``, their
     number; RadioGS adds ``effects``: the plan, and the evidence for it."""
@@ -166,8 +166,8 @@ class Result(TypedDict):
     """How well the images determine what was recovered, by quantity (``radiogs_core.capabilities.QUANTITIES``); empty
     where the method does not offer the measurement. Absent in results of earlier versions."""
     maps: list[str]
-    """Maps that the method gave of the test views, and ``environment`` where it recovered a light; empty where no
-    method was scored."""
+    """Maps that the method gave of the test views, and ``environment`` if it recovered a light; empty if no method was
+    scored."""
     stages: list[StageName]
     """The stages of training, in order."""
     losses: dict[str, dict[str, float]]
@@ -177,8 +177,8 @@ class Result(TypedDict):
     first_steps: NotRequired[dict[str, list[FirstStep]]]
     """The first steps of each stage, one by one; absent in results of earlier versions, and without training."""
     seconds: dict[str, float]
-    """Wall-clock seconds by stage, and of ``evaluate``; work lost to a crash is not in them. A stage that several cells
-    share counts in every one of them."""
+    """Wall-clock seconds by stage, and of ``evaluate``; work lost to a crash does not count. A stage that several cells
+    share counts for each of them."""
     parts: dict[str, dict[str, float]]
     """Seconds that named parts of a stage took, by stage (``radiogs_core.instruments.part``)."""
     work: dict[str, dict[str, int]]
@@ -202,7 +202,7 @@ class Conventions(TypedDict):
 
 
 def contradiction(result: Result) -> str:
-    """The first thing that a result of right types lacks of its protocol, a stage or a session; empty for none."""
+    """The first inconsistency of a result with right types in its protocol, stages or sessions; empty if consistent."""
     if wrong := mismatch(result["protocol"], Conventions):
         return f"protocol: {wrong}"
     for stage in (each["name"] for each in result["stages"]):
@@ -232,10 +232,10 @@ class Failure(TypedDict):
 
 
 def values_of(result: Result) -> dict[str, MetricValue]:
-    """Metrics, timings, and what training cost, by column: the values that a table can show of a cell.
+    """Metrics, timings and training costs by column: the values of a cell that a table can show.
 
-    ``training/megabytes``: the largest peak over the sessions of all training stages, of the device where there is one,
-    else of the process.
+    ``training/megabytes``: the largest peak over the sessions of all training stages, on the GPU if there is one, else
+    of the process.
     """
     amount = training_memory(result)
     memory = {} if amount is None else {"training/megabytes": MetricValue(value=amount / 1e6, reason=None, views=[])}
@@ -243,12 +243,12 @@ def values_of(result: Result) -> dict[str, MetricValue]:
 
 
 def known_values(metrics: Mapping[str, MetricValue]) -> dict[str, float]:
-    """The values that there are, by metric."""
+    """The values that are not missing, by metric."""
     return {name: each["value"] for name, each in metrics.items() if each["value"] is not None}
 
 
 def training_memory(result: Result) -> int | None:
-    """Peak memory of training, bytes; None where no session of it is known."""
+    """Peak memory of training, bytes; None if no session recorded it."""
     peaks = [
         session["peak_memory_bytes"]
         for stage, sessions in result["sessions"].items()

@@ -22,7 +22,7 @@ SEAL = "seal"
 
 
 class Broken(Exception):
-    """A stored file does not hold what was written there; the text says how that shows."""
+    """A stored file differs from what was written; the text gives the evidence."""
 
 
 class OtherSchema(StoreError):
@@ -52,9 +52,9 @@ def write_sealed(path: Path, content: Mapping[str, Any]) -> None:
 def read_sealed(path: Path, schema: str, required: Collection[str], kind: Any = Any) -> dict[str, Any]:
     """The content of a sealed file, whose seal agrees, and which has the types of ``kind`` (``shapes.mismatch``).
 
-    Raises FileNotFoundError; StoreError where the file cannot be read; DataError where it is no regular file or too
-    large; OtherSchema for a file of another version; and Broken for everything else: no JSON, no object, no seal or
-    another one than its content has, a missing key, a value of another type.
+    Raises FileNotFoundError; StoreError where the file cannot be read; DataError for a file that is too large or not
+    regular; OtherSchema for a file of another version; and Broken for anything else: not a JSON object, a missing or
+    wrong seal, a missing key, a value of another type.
     """
     with explained_reading(path), opened(path, LARGEST_TEXT) as file:
         content = file.read()

@@ -13,9 +13,8 @@ MOST_COMPLAINTS = 3
 def mismatch(value: object, kind: Any) -> str:
     """The first places where a value from JSON has another type than ``kind``, in words; empty where there are none.
 
-    ``kind``: a TypedDict, a dict by names, a list, a union, a literal or a plain type. A whole number passes as float;
-    a truth value passes as no number, and neither does a number that is not finite. Keys that a TypedDict does not
-    declare pass.
+    ``kind``: a TypedDict, a dict by names, a list, a union, a literal or a plain type. An int passes as float; a bool
+    does not pass as a number, and neither does NaN or infinity. Keys that a TypedDict does not declare pass.
     """
     return "; ".join(islice(_complaints(value, kind, ""), MOST_COMPLAINTS))
 

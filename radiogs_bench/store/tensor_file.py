@@ -15,7 +15,7 @@ from .seal import Broken
 STORED_AS = "stored_as"
 
 FOLDER = 0x10
-"""Attribute of a part that is a folder: torch reads nothing of it and leaves memory as it was."""
+"""Attribute bit of a folder's entry: torch would read no data for it and leave memory uninitialised."""
 
 
 def packed(name: str, content: Mapping[str, Any]) -> memoryview:
@@ -29,8 +29,8 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
     """Reads the content that was stored under ``name``. Pickles are not executed; every part's checksum is compared.
 
     Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there. Raises
-    FileNotFoundError, StoreError where the file cannot be read, DataError where it is no regular file, and Broken where
-    it is damaged or another's.
+    FileNotFoundError, StoreError where the file cannot be read, DataError where it is no regular file, and Broken if it
+    is damaged or stored under another name.
     """
 
     def placed(storage: Any, origin: str) -> Any:

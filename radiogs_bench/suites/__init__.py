@@ -1,1 +1,1 @@
-"""Suites as data: which methods and variants are run, what is measured, which published table is shown beside it."""
+"""Suites as data: which methods and variants are run, which metrics are measured, which published table is shown."""

@@ -1,6 +1,6 @@
-"""Published methods, implemented anew on the primitives of RadioGS: beside each other, and their own ablations.
+"""Published methods, implemented anew on the primitives of RadioGS: their comparison, and ablations of each.
 
-docs/baselines.md says what was measured, and what each ablation stands for.
+docs/baselines.md has measurements, and the meaning of each ablation.
 """
 
 from .own import EVERY_PART
@@ -8,7 +8,7 @@ from .suite import JUDGED, Row, Suite, metrics
 
 OURS = Row("ours", "Ours", "RadioGS", {})
 RECOMMENDED = Row("recommended", "Ours (recommended)", "RadioGS (recommended)", recipe="recommended")
-"""RadioGS by its recommended recipe: beside methods as published, RadioGS also stands as printed."""
+"""RadioGS by its recommended recipe; a comparison with published methods also has a row as printed."""
 TENSOIR_METHOD = Row("tensoir", "TensoIR", "TensoIR (own field)", method="tensoir")
 GS_IR = Row("gs-ir", "GS-IR", "GS-IR (shared stage 1)", method="gs-ir")
 GI_GS = Row("gi-gs", "GI-GS", "GI-GS (shared stage 1)", method="gi-gs")
@@ -17,7 +17,7 @@ IRGS = Row("irgs", "IRGS", "IRGS (shared stage 1)", method="irgs")
 SVG_IR = Row("svg-ir", "SVG-IR", "SVG-IR (shared stage 1)", method="svg-ir")
 
 PUBLISHED_METHODS = (TENSOIR_METHOD, GS_IR, GI_GS, R3DG, IRGS, SVG_IR)
-"""The full methods, in the order of the paper's tables, for every table that the paper has rows of them in."""
+"""The full methods in the order of the paper's tables, for every table that compares them."""
 
 BASELINES = Suite(
     name="baselines",

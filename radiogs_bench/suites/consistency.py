@@ -1,4 +1,4 @@
-"""Suites of the question what radiometric consistency, L_rad, is worth, and on what else that depends."""
+"""Suites on the value of radiometric consistency, L_rad, and on what that value depends."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -105,13 +105,13 @@ DEPARTURES = Suite(
 """Every row has the changes of all rows above it; the last one is the recipe ``recommended``."""
 
 CONSISTENT: Mapping[str, Values] = {"": {}, "no-rad": {"radiometric_weight": 0.0}}
-"""With L_rad and without it."""
+"""A row with L_rad, and one without it."""
 
 
 def _both(
     key: str, text: str, values: Values, recipe: str = "", given: tuple[Part, ...] | None = None
 ) -> tuple[Row, ...]:
-    """The row with L_rad and the one without."""
+    """A row as given, and the same row without L_rad."""
     return tuple(
         Row(f"{key}-{without}".rstrip("-"), "", f"{text}, λ_rad = 0" if without else text, {**values, **change},
             recipe=recipe, given=given)
@@ -120,13 +120,13 @@ def _both(
 
 
 LEARNT: Values = {"materials.rates.light": 0.01}
-"""A light that was sought is learnt on in stage 2 at the paper's rate."""
+"""Settings by which a sought light is learnt further in stage 2 at the paper's rate."""
 
 SOUGHT: Values = {
     "materials.start.light": "least-variation",
     "deviations": ["fixed-offset", "one-sided-rays", "spread-views"],
 }
-"""As printed, but for a light that is sought: the deviation ``start-light`` would put a constant one in its place."""
+"""As printed, but the light is sought: the deviation ``start-light`` would replace the start by a constant light."""
 
 RIVALS = Suite(
     name="rivals",
@@ -200,4 +200,4 @@ CLOSED = Suite(
 )
 """With and without L_rad, under four lights, on scenes of eight kinds on which no setting was chosen; five are by other
 hands. The length rule's factor is 1 at the paper's length (``--set inverse_iterations=20000``), and
-at every length with ``--set materials.rates.length_power=0``: then length and rates are told apart."""
+at every length with ``--set materials.rates.length_power=0``, which separates the effects of length and rates."""

@@ -1,6 +1,6 @@
 """Suites on public data sets, which users download: the paper's main tables, and the cost of frames of whole rooms.
 
-For a table of the paper, the protocol is that of RadioGS's own evaluation, which produced it.
+Tables of the paper use the protocol of RadioGS's own evaluation, which produced them.
 """
 
 from collections.abc import Mapping
@@ -115,7 +115,7 @@ DOWNLOADS: Mapping[str, str] = {
     ),
     **{suite.data_set: suite.download for suite in DATA_SET_SUITES},
 }
-"""Where the data sets come from that tables of the paper are of, by name."""
+"""Where to download the data sets of the paper's tables, by name."""
 
 
 def as_published(suite: Suite) -> Suite:

@@ -1,4 +1,4 @@
-"""Experiments as data: what is done for a cell, and which sources decide what is measured."""
+"""Experiments as data: the work done for a cell, and the sources that decide what is measured."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ class Experiment:
     function: str | None = None
     """``module:name`` of the function that runs a cell and stores its result, given a bench, the cell and its scene.
 
-    A name, because suites are data: they import nothing that runs. None for work that no suite asks for.
+    A name, because suites are data: they import nothing that runs. None for work outside suites.
     """
     trains: bool = True
     """Whether the method is trained."""
@@ -43,7 +43,7 @@ AUDIT = "audit"
 """Train a model and score it; the cost of training and the method's predictions are metrics too."""
 
 RELIGHTING = "relighting"
-"""Train a model and score it; relit views are also compared with those of the method's reference mode."""
+"""Train a model and score it; relit views are also compared with the method's reference mode."""
 
 FORWARD_PARITY = "forward-parity"
 """Light transport through surfels against a path tracer's."""

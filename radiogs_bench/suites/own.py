@@ -16,7 +16,7 @@ EVERY_PART = metrics(
 
 
 def _parts(factor: float) -> str:
-    """A factor in words, for keys: ``1/4`` is ``quarter``."""
+    """A factor as a word for keys: ``1/4`` is ``quarter``."""
     return {
         0.1: "tenth", 0.2: "fifth", 0.25: "quarter", 0.4: "two-fifths", 0.5: "half", 0.7: "seven-tenths", 1.0: "whole",
         2.0: "double", 4.0: "fourfold",
@@ -49,7 +49,7 @@ FINETUNE = Suite(
 
 
 def _knob(key: str, latex: str, text: str, factors: Sequence[float], *fields: str) -> tuple[Row, ...]:
-    """One row for each factor of a field of the budget, or of fields that are turned together."""
+    """One row per factor of a field of the budget, or of several fields that change together."""
     shown = [f"<{field}>" for field in fields]
     return tuple(
         Row(
@@ -99,8 +99,8 @@ COST_OF_ACCURACY = Suite(
     scenes=JUDGED,
     experiment=COST,
 )  # fmt: skip
-"""Knobs of both stages and of relighting, one at a time. The search for the light has none: one row leaves it out. The
-rays that it traces are in every other row, also in that of the split sum."""
+"""Settings of both stages and of relighting, varied one at a time. The search for the light is only left out, in one
+row. Its rays count in every other row, also in the row of the split sum."""
 
 
 STEPS = "<inverse_iterations>"
@@ -195,5 +195,5 @@ ORACLES = Suite(
 """Sets of given parts, besides each part alone and all but each: shape and light, with and without indirect
 light; shape and indirect light, which go together; light and albedo, which images cannot tell apart by themselves.
 
-All but two: giving albedo settles the metric of albedo, so what another part is worth to it last out is seen only
-between rows without albedo. Likewise for light; for roughness and normals as far as these rows go."""
+Rows that give all parts but two are needed, because given albedo fixes the metric of albedo: the value of another part
+for it shows only between rows without albedo. The same holds for light, roughness and normals."""

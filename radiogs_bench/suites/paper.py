@@ -98,8 +98,8 @@ NS = Suite(
     recipe="printed",
     columns=(*QUALITY, *metrics("nvs/ms")),
 )
-"""By recipe ``printed`` new views are shaded along the N_s directions that the rows name, as in the paper, and so are
-their milliseconds; ``recommended`` takes four times as many."""
+"""By recipe ``printed``, as in the paper, new views and their milliseconds use the N_s directions of the row's label;
+``recommended`` takes four times as many."""
 
 STRATEGIES = Suite(
     name="strategies",
@@ -121,7 +121,7 @@ TRACED = "<relight_hemisphere_samples+relight_light_samples>"
 
 
 def _relit_along(rays: int) -> dict[str, float]:
-    """The row's factors by which relit frames are shaded along ``rays`` rays a surfel in preset ``paper``."""
+    """The row's factors for shading relit frames along ``rays`` rays per surfel in preset ``paper``."""
     return dict.fromkeys(("relight_hemisphere_samples", "relight_light_samples"), rays / RELIGHT_RAYS)
 
 

@@ -1,4 +1,4 @@
-"""The suites that come with the package, by name, and those of TOML files.
+"""The suites that come with the package, by name, and suites in TOML files.
 
 A file has the fields of ``suite.Suite`` (docs/suites.md); the dataclasses are its schema, so that a new field can be
 used in files at once.

@@ -17,7 +17,7 @@ from .suite import Suite
 
 
 def own_scenes(suite: Suite) -> Sequence[str]:
-    """The scenes of a suite: folders here, else in the root of data. Raises DataError for some that are in neither."""
+    """The scenes of a suite as folders, here or in the root of data. Raises DataError if some are in neither."""
     if not suite.download:
         return suite.scenes
     places = {name: _place(suite, name) for name in suite.scenes}
@@ -39,8 +39,8 @@ def absent_scenes(suite: Suite) -> list[str]:
 
 
 def _place(suite: Suite, name: str) -> str | None:
-    """A folder here, else the scene of the suite's data set in the root of data, else the only one of that name in a
-    folder that is no other data set's; None where there is none."""
+    """The folder of a scene: here, else the suite's data set in the root of data, else the only folder of this name
+    there outside other data sets; None if missing."""
     in_set, root = f"{suite.data_set}/{name}", data_root()
     if Path(name).is_dir():
         return name
@@ -78,7 +78,7 @@ def load_scenes(wanted: Sequence[str], options: SceneOptions = AS_STORED) -> dic
 
 
 def place_of(name_or_path: str) -> str:
-    """A scene's name or absolute path, valid in another working folder."""
+    """A scene's name or absolute path, which another working folder can use."""
     if name_or_path in known_names():
         return name_or_path
     return os.path.abspath(located(name_or_path) or name_or_path)

@@ -1,4 +1,4 @@
-"""Suites: the types of rows and columns, and the tasks that columns are of."""
+"""Suites: the types of rows and columns, and the tasks of columns."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -20,11 +20,11 @@ class Task:
     """The subject of a metric."""
 
     label: str
-    """Beginning of a column's heading."""
+    """First words of a column's heading."""
     meaning: str
-    """In words that continue ``Measure.meaning``."""
+    """Definition, in words that continue ``Measure.meaning``."""
     counted: bool = False
-    """Whether its metrics are counts that are neither good nor bad: rows are not ranked by them."""
+    """Whether its metrics are neutral counts, by which rows are not ranked."""
 
 
 TASKS: Mapping[str, Task] = {
@@ -56,7 +56,7 @@ COLUMNS: Mapping[str, Measure] = {
     **MEASURES,
     "factor": Measure("factor", "", "up", 2, "geometric mean over channels of the factor"),
 }
-"""Measures of columns by name: those that are computed, and the factor that the alignment of albedo found."""
+"""Measures of columns by name: computed ones, and the factor found by the alignment of albedo."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,8 @@ def metrics(*keys: str) -> tuple[Metric, ...]:
 class Row:
     """A row of a table.
 
-    Its labels may contain numbers of the budget as ``<incident_samples>``, which a run replaces by those of its preset
-    (``with_numbers``).
+    Its labels may contain names of budget numbers, such as ``<incident_samples>``, which a run replaces by the preset's
+    numbers (``with_numbers``).
     """
 
     key: str
@@ -118,12 +118,12 @@ class Row:
     """Name of the method."""
     recipe: str = ""
     """Name of the recipe of the method that ``variant`` changes (``radiogs_core.capabilities.OffersRecipes``); empty:
-    that of the suite."""
+    the suite's recipe."""
     given: tuple[Part, ...] | None = None
     """Parts of the truth that the method is given (``radiogs_core.capabilities.TakesGiven``): empty for the row of a
     ladder that is given nothing, None for a row outside a ladder."""
     numbers: Mapping[str, Any] = field(default_factory=dict)
-    """Values that take the place of the preset's numbers, by dotted names; the factors multiply them."""
+    """Values that replace the preset's numbers, by dotted names; the factors multiply them."""
 
 
 JUDGED = ("front_patterned", "lamps", "still_life", "orators")
@@ -178,10 +178,10 @@ PAPER_BUDGET: Mapping[str, int] = {"consistency_surfels": 4096, "incident_sample
 def knob_rows(
     key: str, symbol: str, name: str, values: Sequence[int], held: Mapping[str, int] | None = None
 ) -> tuple[Row, ...]:
-    """Rows that change one field ``name`` of the budget: to the paper's ``values`` under preset ``paper``.
+    """Rows that set the budget's field ``name`` to the paper's ``values`` under preset ``paper``.
 
     ``held``: the paper's values of fields that are the same in all rows. Under any other preset a row is the same share
-    of the preset's value; its label says the value that is run.
+    of the preset's value; its label shows the resulting value.
 
     >>> [(row.key, row.budget) for row in knob_rows("ns", "N_s", "incident_samples", (16, 64))]
     [('ns-16', {'incident_samples': 0.25}), ('ns-64', {'incident_samples': 1.0})]
@@ -200,10 +200,10 @@ NUMBER = re.compile(r"<([a-z_][\w.]*(?:\+[a-z_][\w.]*)*)>")
 
 
 def with_numbers(label: str, budget: Any) -> str:
-    """A row's label with the numbers that its budget (or its plain values) has in place of their dotted names.
+    """A row's label, with dotted names replaced by the numbers of its budget (or the budget's plain values).
 
-    A former name works as in a row's factors (``contract.current_name``). Raises UsageError for a name that is none of
-    the budget's fields.
+    A former name works as in a row's factors (``contract.current_name``). Raises UsageError for a name that is not a
+    field of the budget.
 
     >>> with_numbers("N = <first+second> of <first>", {"first": 2, "second": 1})
     'N = 3 of 2'

@@ -32,7 +32,7 @@ class Analysis(NamedTuple):
     """Its name in the navigation of the page."""
     title: str
     report: Callable[[Summary], Report | None]
-    """Makes its findings; None where the rows of a run do not allow the analysis."""
+    """Makes its findings; None if the rows of a run do not allow the analysis."""
     figures: Callable[[Summary], list[Sketch]] = lambda summary: []
 
 

@@ -9,15 +9,15 @@ from pathlib import Path
 
 
 class Unusable(ValueError):
-    """A file of the run's folder that is not what was stored there, by its path; the message says what to do."""
+    """A file of the run's folder that is not as it was stored; the text names its path and a remedy."""
 
 
 @contextmanager
 def opened(path: Path, most: int) -> Iterator[BufferedReader]:
     """A file of the run's folder, open for reading.
 
-    Raises Unusable for what is no regular file, which might never end, and for one of more than ``most`` bytes; OSError
-    where there is none or it cannot be read.
+    Raises Unusable for a file that is not regular, which might never end, or has more than ``most`` bytes; OSError if
+    it is missing or unreadable.
     """
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # a named pipe is not waited for
     try:

@@ -1,8 +1,8 @@
 """A record of the content that reports were made from, so that unchanged reports are not made again.
 
-The record also lists the files that earlier runs wrote: tables and figures of a folder belong to its last run, and one
-that only an earlier suite had would stand among them as if measured with them. Files named after their suite stay,
-because their name says which run they belong to.
+The record also lists the files that earlier runs wrote: tables and figures of a folder belong to its last run, and a
+leftover of an earlier suite would seem to be measured with them. Files named after their suite stay, because their name
+says which run they belong to.
 """
 
 import hashlib
@@ -19,11 +19,11 @@ from .files import Unusable, opened
 from .summary import Summary, seal_of
 
 RECORD = "reports.txt"
-"""A line with the digest of the reports' source, then SHA-256 and path in OUT per file; no other file is deleted."""
+"""A line with the digest of the reports' source, then SHA-256 and path in OUT per file; only these are deleted."""
 
 BEGUN = "reports_begun.txt"
-"""There while reports are written: a line with their suite, then one per file that stood in their places and is none of
-ours. After a kill it tells what the killed process wrote."""
+"""Exists while reports are written: a line with their suite, then a line for each foreign file in their places. After a
+kill it identifies the files that the killed process wrote."""
 
 LARGEST_RECORD = 1 << 24
 """Bytes of the record, at most: a hundred thousand files."""
@@ -57,7 +57,7 @@ def made_from(summary: Summary, out: Path, beside: bool = False, pictures: bool 
 
 
 def unchanged(out: Path, source: str) -> list[Path] | None:
-    """The reports in ``out`` if they were made from ``source`` and are as they were written; else None."""
+    """The reports in ``out`` if they were made from ``source`` and are unchanged; else None."""
     if os.path.lexists(out / BEGUN):
         return None
     digests = recorded(out)
@@ -84,7 +84,7 @@ def keep_record(out: Path, written: Sequence[Path], source: str = "") -> None:
 def recorded(out: Path) -> dict[str, str]:
     """Digests of the recorded files by name; the digest of their source has the empty name.
 
-    Raises Unusable for a record that is damaged: it would say nothing of what belongs to which run.
+    Raises Unusable for a damaged record, which cannot tell which file belongs to which run.
     """
     lines = _lines(out / RECORD)
     if not all(LINE.fullmatch(line) for line in lines):
@@ -98,7 +98,7 @@ def recorded(out: Path) -> dict[str, str]:
 
 
 def begin_record(out: Path, suite: str) -> None:
-    """Note that reports of ``suite`` are about to be written, and which files there are none of ours.
+    """Note that reports of ``suite`` are about to be written, and which existing files are not ours.
 
     A process that is killed before ``keep_record`` leaves the note, by which its files are recognised.
     """

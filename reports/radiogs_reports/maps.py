@@ -49,7 +49,7 @@ def linear(displayed: Image) -> Image:
 
 
 def normal_colour(normal: Image) -> Image:
-    """World normals, -1 to 1, as colours; black where there is no surface."""
+    """World normals, -1 to 1, as colours; black where no surface is."""
     return np.where((normal == 0).all(-1, keepdims=True), 0, normal * 0.5 + 0.5)
 
 
@@ -109,7 +109,7 @@ def kind_of(name: str) -> Kind:
 
 
 def error(kind: str, mine: Image, theirs: Image) -> Image:
-    """Error of a map against the truth in [0, 1], [height, width, 1]; the kind's ``error_unit`` says what 1 means."""
+    """Error of a map against the truth in [0, 1], [height, width, 1]; 1 means the end of the kind's ``error_unit``."""
     if kind == "normal":
         return angle(mine, theirs)
     return difference(*(np.clip(kind_of(kind).shown(image), 0, 1) for image in (mine, theirs)))
@@ -118,9 +118,9 @@ def error(kind: str, mine: Image, theirs: Image) -> Image:
 def read_maps(path: Path, start: str = "") -> dict[str, Image]:
     """A cell's arrays by name, ``render/<map>``, ``truth/<map>`` and ``surfels/<part>``, in float64.
 
-    ``start``: only those whose names begin with it. Codes of further views (``views/...``) are left out.
+    ``start``: only arrays whose names begin with it. Codes of further views (``views/...``) are left out.
 
-    Raises ValueError for a file that grows beyond every map of a view when it is unpacked.
+    Raises ValueError for a file that unpacks to more than ``MOST_BYTES``.
     """
     with open_codes(path) as archive:
         wanted = [name for name in archive.files if name.startswith(start) and not name.startswith(VIEWS)]
@@ -130,7 +130,7 @@ def read_maps(path: Path, start: str = "") -> dict[str, Image]:
 def open_codes(path: Path) -> "np.lib.npyio.NpzFile":
     """A cell's archive, to read codes of further views from: ``views/<number>/<side>/<map>``, uint8. To be closed.
 
-    Raises ValueError for an array, or arrays without codes, that grow beyond every map of a view when unpacked.
+    Raises ValueError for an array, or all arrays without codes, of more than ``MOST_BYTES`` when unpacked.
     """
     with opened(path, MOST_STORED) as file, zipfile.ZipFile(file) as parts:
         sizes = [part.file_size * (not part.filename.startswith(VIEWS)) for part in parts.infolist()]

@@ -47,10 +47,10 @@ def write_reports(
     ``beside``: the page's pictures are files in a folder, all of them and without loss. Without ``pictures`` there are
     neither figures nor images nor surfels, which take nearly all of the time.
 
-    The same stored results give the same bytes; reports that are there and would be the same are not made again.
-    Tables and figures that only an earlier run had are deleted. ``advance`` is told how many of the ``PARTS`` are done.
-    Raises ValueError for a summary that cannot be used, UsageError where a folder of reports is a link, OSError where
-    they cannot be written.
+    The same stored results give the same bytes; reports that are there and would be the same are not made again. Tables
+    and figures that only an earlier run had are deleted. ``advance`` receives how many of the ``PARTS`` are done.
+    Raises ValueError for an unusable summary, UsageError if a folder of reports is a link, OSError if they cannot be
+    written.
     """
     summary = read_summary(out)
     require_own_folders(out, "tables", FOLDER, PICTURES)

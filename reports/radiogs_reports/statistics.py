@@ -1,10 +1,10 @@
 """Means with Student t intervals, and paired differences and ratios of two samples; the unit is the scene.
 
-Values are paired by scene and seed: what a scene or a seed adds to both rows cancels in the difference. Seeds of one
-scene say nothing about other scenes, so an interval counts each scene once, with the mean over its seeds; where scenes
-are of several kinds, it counts each kind once, with the mean over its scenes. With a single scene the seeds are what
-is counted, and the interval is of that scene alone. All rows of a column are counted alike: one that has finished on
-one of several scenes is a single unit, without an interval, because its seeds say nothing about the other scenes.
+Values are paired by scene and seed: effects of a scene or a seed that both rows share cancel in the difference. Seeds
+of one scene carry no information about other scenes, so an interval counts each scene once, with the mean over its
+seeds; if scenes are of several kinds, it counts each kind once, with the mean over its scenes. With a single scene the
+seeds are counted, and the interval holds for that scene alone. All rows of a column have the same units: a row that has
+finished on one of several scenes is a single unit without an interval.
 """
 
 import math
@@ -46,7 +46,7 @@ class Estimate:
     over: Level = "seeds"
     """Level of the units."""
     values: int = 1
-    """Number of values that the units are means of."""
+    """Number of values that were averaged into the units."""
     deviation: float | None = None
     """Sample standard deviation of the units; None for a single unit."""
     p_value: float | None = None
@@ -78,7 +78,7 @@ def estimate(units: Sequence[float]) -> Estimate | None:
 def mean_of(sample: Sample, over: Level | None = None) -> Estimate | None:
     """Mean over kinds of scenes of means over scenes of means over seeds, and its interval; None without any value.
 
-    ``over``: the units of the interval (default: ``level_of`` the sample). Values are the ``counted`` ones.
+    ``over``: the units of the interval (default: ``level_of`` the sample). Only ``counted`` values enter.
     """
     held = counted(sample)
     level = over or level_of(held)
@@ -87,7 +87,7 @@ def mean_of(sample: Sample, over: Level | None = None) -> Estimate | None:
 
 
 def counted(sample: Sample) -> Sample:
-    """The values of scenes that enter means; all values where there are no such scenes."""
+    """The values of scenes that enter means; all values if no scene does."""
     return {origin: value for origin, value in sample.items() if origin.counted} or sample
 
 
@@ -111,8 +111,8 @@ def _units(sample: Sample, over: Level) -> list[float]:
 def spread(sample: Sample) -> dict[Level, float]:
     """Standard deviations between seeds of a scene, between scenes of a kind, and between kinds, where known.
 
-    By the method of moments, from the lowest level upwards: of the variance of means, the part that the levels below
-    explain is taken off (Searle, Casella and McCulloch, Variance Components, 1992); a rest below zero is zero.
+    By the method of moments, from the lowest level upwards: from the variance of means, the part that the levels below
+    explain is subtracted (Searle, Casella and McCulloch, Variance Components, 1992); a rest below zero is zero.
     """
     scenes = _grouped(counted(sample), lambda origin: origin.scene)
     kinds = _grouped(counted(sample), lambda origin: origin.kind)
@@ -155,7 +155,7 @@ def paired_ratio(sample: Sample, reference: Sample, over: Level | None = None) -
 
 
 def exponential(logarithm: Estimate | None, base: float = math.e) -> Estimate | None:
-    """The estimate of base^x, given that of x; its ``deviation`` and ``p_value`` stay those of x."""
+    """The estimate of base^x from the estimate of x, whose ``deviation`` and ``p_value`` it keeps."""
     if logarithm is None:
         return None
     low, high = logarithm.low, logarithm.high
@@ -184,7 +184,7 @@ def _harmonic_mean(counts: Sequence[int]) -> float:
 
 
 def _pooled_variance(groups: Sequence[Sequence[float]]) -> float | None:
-    """Variance within groups, each about its own mean; None where every group has one value."""
+    """Variance within groups, each about its own mean; None if every group has one value."""
     freedom = sum(len(group) - 1 for group in groups)
     if freedom == 0:
         return None

@@ -41,7 +41,7 @@ class Interval(TypedDict):
     p_value: float | None
     """Two-sided p value of no difference, by Holm's correction over the rows of the column; None for one unit."""
     verdict: Verdict | None
-    """Which of the two is resolved to be better; None where they are not told apart."""
+    """Which row is resolved to be better; None if the difference is not resolved."""
     smallest: float | None
     """``analysis.power.smallest_of`` this row; None for one unit."""
     spread: dict[Level, float]
@@ -49,13 +49,13 @@ class Interval(TypedDict):
 
 
 class CellSummary(TypedDict):
-    """One value of the table, or None and the reason: the mean over kinds, over their scenes, and over those' seeds."""
+    """One value of the table, or None and the reason: the mean over kinds of means over scenes of means over seeds."""
 
     mean: float | None
     count: int
     """Number of scenes and seeds in the mean."""
     difference: Interval | None
-    """Difference to the reference row; None in that row, and where the two share no scene and seed."""
+    """Difference to the reference row; None in the reference row itself, and if the two share no scene and seed."""
     reason: str | None
     rank: NotRequired[int | None]
     """``analysis.comparisons.ranks`` among the rows of the table; None or absent for a row without one."""
@@ -75,9 +75,9 @@ class ColumnSummary(TypedDict):
     meaning: NotRequired[str]
     """Definition of the metric, in words."""
     published_by: NotRequired[str]
-    """The protocol of its published values, where it computes this metric by other conventions than the run's."""
+    """The protocol of its published values, if it computes this metric by other conventions than the run's."""
     smallest: NotRequired[float | None]
-    """``analysis.power.smallest_difference`` to the reference row; None where no difference has an interval."""
+    """``analysis.power.smallest_difference`` to the reference row; None if no difference has an interval."""
 
 
 class RowSummary(TypedDict):
@@ -89,9 +89,9 @@ class RowSummary(TypedDict):
     text: str
     """Label in plain text."""
     seconds: float | None
-    """Mean training seconds per cell; None where nothing was trained."""
+    """Mean training seconds per cell; None without training."""
     given: NotRequired[list[str]]
-    """In a ladder of oracles: the parts of the truth that the row was given, none of them or several."""
+    """In a ladder of oracles: the parts of the truth that the row was given, possibly none."""
     method: NotRequired[str]
     """The title of the method that they were given to."""
 
@@ -112,8 +112,8 @@ class Doubt(TypedDict):
     """A reason why values are uncertain."""
 
     column: str
-    """Key of the column; empty where the text marks no value, because the protocol removes the quantity from all
-    columns, or because it is a difference between a method and the published one or the least error of a light map."""
+    """Key of the column; empty if the text marks no value: the protocol removes the quantity from all columns, or the
+    text is on a method's difference from the published one or on the least error of a light map."""
     rows: list[str]
     """Keys of the rows that it concerns."""
     text: str
@@ -157,11 +157,11 @@ class PlanSummary(TypedDict):
     plan: dict[str, Any]
     """The plan by field; a mask over surfels is stored as the share that is on."""
     bound: float | None
-    """Largest predicted loss of PSNR, in dB, over all probes; None where the result does not hold it."""
+    """Largest predicted loss of PSNR, in dB, over all probes; None if not stored."""
     tolerance: float | None
-    """Loss in dB that the probes were allowed; None where nothing was probed."""
+    """Loss in dB that the probes were allowed; None without probes."""
     probing: dict[str, float] | None
-    """``seconds`` and ``rays`` that probes took in the last stage; None in results that do not hold them."""
+    """``seconds`` and ``rays`` that probes took in the last stage; None if not stored."""
 
 
 class RunSummary(TypedDict):
@@ -178,7 +178,7 @@ class RunSummary(TypedDict):
     state: str
     """``finished``, or its progress, or why it failed. Unless finished, all keys below are empty or None."""
     metrics: dict[str, float | None]
-    """Values by column; None where the value is not finite."""
+    """Values by column; None for a value that is not finite."""
     views: NotRequired[list[str]]
     """Names of the views that were compared; absent in earlier summaries."""
     by_view: NotRequired[dict[str, list[float | None]]]
@@ -196,12 +196,12 @@ class RunSummary(TypedDict):
     trail: dict[str, list[TrailPoint]]
     """Losses, and metrics where the model was scored during training, by stage."""
     effects: PlanSummary | None
-    """None for methods without a plan, and where nothing was trained."""
+    """None for methods without a plan, and without training."""
     surfels: int | None
     view: str | None
     light: str | None
     arrays: str | None
-    """The file of its maps, as in ``SheetSummary``; None where there is none."""
+    """The file of its maps, as in ``SheetSummary``; None without maps."""
     made_from: dict[str, Any]
     """Everything that the key is a hash of."""
     sessions: dict[str, list[dict[str, Any]]]
@@ -250,7 +250,7 @@ class PaperTable(TypedDict):
     reference: str | None
     columns: list[PaperColumn]
     rows: list[dict[str, str]]
-    """``key`` and ``text``; ``remark`` and ``ran`` may be empty: the label of what ran, if not the paper's row."""
+    """``key``, ``text``; ``remark`` and ``ran`` (the measured row's label, if it is not the paper's) may be empty."""
     cells: dict[str, dict[str, PaperValue]]
     """By row, then column."""
 
@@ -271,8 +271,8 @@ class RecordedCell(CellSummary):
     doubted: bool
     """Whether a footnote of the run concerned the value or the reference row's."""
     by_scene: list[float | None]
-    """Difference to the reference row on each scene of the record, over the seeds; None where the two share no seed.
-    Empty where there is no difference."""
+    """Difference to the reference row on each scene of the record, over the seeds; None if the two share no seed. Empty
+    without a difference."""
 
 
 class RunTable(TypedDict):
@@ -285,11 +285,11 @@ class RunTable(TypedDict):
     scenes: list[str]
     seeds: list[int]
     reference: str | None
-    """The row that differences are taken to; None where rows are not variants of one method."""
+    """The row to which differences are taken; None if rows are not variants of one method."""
     columns: list[ColumnSummary]
     rows: list[RowSummary]
     published: dict[str, dict[str, float]]
-    """Published values by row, then column; unpublished ones are absent."""
+    """Published values by row, then column; unpublished values are absent."""
     published_data: str
     """The data that published values are averaged over."""
     machine: str
@@ -300,7 +300,7 @@ class RunTable(TypedDict):
 
 
 class RecordedGrid(TypedDict):
-    """A table of derived values, as it was shown."""
+    """A table of derived values, as shown."""
 
     title: str
     note: str
@@ -334,7 +334,7 @@ class OtherValues(TypedDict):
     scene: str
     seed: int
     checksum: str
-    """Digest of the scene as it was opened."""
+    """Digest of the scene as opened."""
     metrics: dict[str, float | None]
 
 
@@ -366,7 +366,7 @@ class Summary(RunTable):
     runs: list[RunSummary]
     """Every cell, in the order in which cells are run."""
     paper: list[PaperTable]
-    """Tables of the paper with at least one measured value, those of other suites included."""
+    """Tables of the paper with at least one measured value, other suites' tables included."""
     doubts: NotRequired[list[Doubt]]
     """Why values are uncertain; absent in earlier summaries."""
     error_parts: NotRequired[dict[str, dict[str, ErrorParts]]]
@@ -390,7 +390,7 @@ class Summary(RunTable):
 
 
 LARGEST_SUMMARY = 1 << 28
-"""Bytes, at most."""
+"""Largest size in bytes."""
 
 
 def read_summary(out: Path) -> Summary:
@@ -433,7 +433,7 @@ def seal_of(stored: Mapping[str, Any]) -> str:
 
 
 def counted_scenes(run: Mapping[str, Any]) -> list[str]:
-    """The scenes that enter means: those whose materials the BRDF can represent, or all where there is no such one.
+    """The scenes that enter means: those whose materials the BRDF can represent, or all if none is.
 
     ``run``: a summary, a record, or the manifest of a run.
     """
@@ -470,7 +470,7 @@ def is_doubted(summary: Summary, row: str, column: str) -> bool:
 
 
 def directed_columns(summary: Summary) -> list[ColumnSummary]:
-    """The columns whose larger values are better, or whose smaller ones."""
+    """The columns with a better side: larger or smaller values."""
     return [column for column in summary["columns"] if column["direction"] in ("up", "down")]
 
 
@@ -480,7 +480,7 @@ def row_texts(summary: Summary) -> dict[str, str]:
 
 
 def half_width(interval: Interval | None) -> float | None:
-    """Half the length of an interval; None where there is no interval."""
+    """Half the length of an interval; None without one."""
     if interval is None or interval["low"] is None or interval["high"] is None:
         return None
     return (interval["high"] - interval["low"]) / 2
@@ -492,7 +492,7 @@ def last_stage(run: RunSummary) -> StageSummary | None:
 
 
 def last_trail(run: RunSummary) -> list[TrailPoint]:
-    """Progress of the last training stage; empty where none was kept."""
+    """Progress of the last training stage; empty if not stored."""
     stage = last_stage(run)
     return [] if stage is None else run["trail"].get(stage["name"], [])
 

@@ -35,11 +35,11 @@ def label_with_unit(column: ColumnSummary) -> str:
 
 
 ROUNDING = 1e-9
-"""Below it a value is zero but for rounding in floating point."""
+"""Values below this are zero up to rounding in floating point."""
 
 
 def number(value: float, decimals: int, sign: str = "-") -> str:
-    """A value with its decimals; with two significant digits where those decimals would all be 0."""
+    """A value with its decimals; with two significant digits if these decimals would all be 0."""
     text = f"{value:{sign}.{decimals}f}"
     if float(text):
         return text
@@ -53,7 +53,7 @@ def signed(value: float, decimals: int) -> str:
 
 
 def shared_decimals(values: Sequence[float], decimals: int) -> int:
-    """The decimals of values that stand together: two more at most where one of them would be printed as zero."""
+    """The decimals of values printed together: up to two more if one of them would be printed as zero."""
     smallest = min((abs(each) for each in values if abs(each) > ROUNDING), default=1.0)
     return next((each for each in (decimals, decimals + 1) if float(f"{smallest:.{each}f}")), decimals + 2)
 
@@ -61,7 +61,7 @@ def shared_decimals(values: Sequence[float], decimals: int) -> int:
 def plus_minus(
     mean: float, half_width: float | None, decimals: int, text_of: Callable[[float, int], str] = signed
 ) -> str:
-    """A mean and the half-width of its interval, if it has one, which more decimals keep from being printed as zero."""
+    """A mean and the half-width of its interval, if any, with enough decimals for the half-width not to be zero."""
     if half_width is None:
         return text_of(mean, decimals)
     decimals = shared_decimals([half_width], decimals)
@@ -113,7 +113,7 @@ def marked(run: Summary | RecordedRun, scene: str) -> str:
 
 
 def kinds_of(run: Summary | RecordedRun) -> int:
-    """The number of kinds of a run's scenes, 1 where none is known; records without the kinds count in intervals."""
+    """The number of kinds of a run's scenes, 1 if unknown; records without the kinds count in intervals."""
     if "kinds" in run:
         return len({run["kinds"].get(scene, "") for scene in counted_scenes(run)})
     differences = [cell["difference"] for cells in run["cells"].values() for cell in cells.values()]

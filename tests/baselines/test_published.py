@@ -120,7 +120,7 @@ def test_units_and_directions_follow_the_measure(key: str) -> None:
 
 
 @pytest.mark.parametrize("key", ["mipnerf360-ng", "mipnerf360-ns"])
-def test_averages_are_those_of_the_scenes_or_remarked_on(key: str) -> None:
+def test_averages_equal_means_over_scenes_or_have_a_remark(key: str) -> None:
     table = published(key)
     scenes = [name for name, column in table.columns.items() if column.scene is not None]
     for row, figures in table.figures.items():
@@ -156,13 +156,13 @@ def test_printed_figures_keep_the_papers_digits(key: str) -> None:
     )
 
 
-def test_an_unknown_table_is_told_its_neighbours() -> None:
+def test_an_unknown_table_lists_its_neighbours() -> None:
     with pytest.raises(UsageError, match="Did you mean 'ablation'"):
         published("ablations")
 
 
 @pytest.mark.parametrize("key", TABLES)
-def test_conditions_are_what_the_data_say(key: str) -> None:
+def test_conditions_agree_with_the_data(key: str) -> None:
     table = published(key)
     assert table.data.endswith(f", mean of {', '.join(table.conditions.scenes)}")
     least, most = table.conditions.width

@@ -36,7 +36,7 @@ class Steps:
 
 
 class ChainStage:
-    """A random walk that counts its steps, and tells the method what is done with it."""
+    """A random walk that counts its steps, and records in the method what is done with it."""
 
     def __init__(self, chain: "Chain", number: int, run: Run, before: Mapping[str, Any]) -> None:
         self.chain, self.number, self.run = chain, number, run

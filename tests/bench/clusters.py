@@ -19,7 +19,7 @@ SHARING = [
     next(cell for place, cell in asked(1, suite).cells if place["row"] == row)
     for suite, row in ((COST_OF_ACCURACY, "reference"), (EFFECTS_SUITE, "everything"), (EFFECTS_SUITE, "no-rays"))
 ]
-"""Cells of two suites and experiments; all begin alike, and each ends in a stage of its own."""
+"""Cells of two suites and experiments; all share their first stages, and each ends in a stage of its own."""
 
 
 def cluster_of(

@@ -135,7 +135,7 @@ class FakeTrained:
 
 
 begun: list[str] = []
-"""Every stage that was begun in this process, in order, but for those that only warmed up."""
+"""Every stage that was begun in this process, in order, without those begun for warming up."""
 
 
 def note(run: Run, what: str) -> None:
@@ -185,7 +185,7 @@ FAKE = FakeMethod()
 
 
 def method(name: str) -> FakeMethod:
-    """The fake, whatever is asked for; as other processes find it."""
+    """The fake method whatever name is asked for, as other processes find it."""
     return FAKE
 
 
@@ -197,7 +197,7 @@ def asked(
     protocol: str = "default",
     **fields: Any,
 ) -> RunPlan:
-    """A plan whose rows run the fake, by default on the scene that is none; ``fields`` are further ones of the spec."""
+    """A plan whose rows run the fake, by default on the scene without files; ``fields``: further fields of the spec."""
     spec = RunSpec(suite.name, seeds=seeds, preset=preset, protocol=protocol, **fields)
     with patch.dict(substitutes, {FAKE.name: FAKE}):
         return planned(suite, scenes, spec)
@@ -238,7 +238,7 @@ def place_of(cell: Cell, row: str = "ours") -> CellRef:
 
 
 class FakeSweep:
-    """A store and what is needed to run cells of the fake method in it, by default on the scene that is none."""
+    """A store and everything needed to run cells of the fake method in it, by default on the scene without files."""
 
     def __init__(self, folder: Path, *scenes: Scene) -> None:
         self.scenes = {scene.name: scene for scene in (SCENE, *scenes)}

@@ -136,7 +136,7 @@ def flips(folder: Path, count: int, seed: int) -> dict[str, Counter[str]]:
 
 
 ODD: tuple[Any, ...] = (None, True, -1, 10**400, 1.5, "x", "\ud800", [], [[]], {}, {"a": None}, ["x", 1])
-"""Values that take the place of others of a stored file."""
+"""Values that replace values of a stored file."""
 
 COMMANDS = ("status", "report", "verify", "render", "gate", "export", "record")
 SEALED = ", sealed again"
@@ -146,11 +146,11 @@ SPOKEN = ("damaged", "not used", "gone", "are not")
 WRONG = ("silent", "unexpected", "traceback", "slow")
 
 LONGEST = 10.0
-"""Seconds that a command may take beyond ten times those on the undamaged run; more count as hanging."""
+"""Seconds that a command may take beyond ten times its time on the undamaged run; beyond them it counts as hanging."""
 
 
 def damage(content: bytes, numbers: random.Random) -> tuple[str, bytes]:
-    """One damage of a stored JSON file: its kind, and the file. Half of those of values are sealed again."""
+    """One damage of a stored JSON file: its kind, and the file. Half of the changed values are sealed again."""
     kind = numbers.choice(("type", "type", "type", "key", "key", "seal", "byte", "cut"))
     if kind == "byte":
         place = numbers.randrange(len(content))

@@ -32,7 +32,7 @@ UNSHARE = ("unshare", "--map-root-user", "--mount")
 
 
 def why_nothing_can_be_mounted(folder: Path) -> str | None:
-    """None where a small tmpfs can be mounted."""
+    """The reason why no small tmpfs can be mounted; None if one can."""
     missing = [name for name in ("unshare", "mount", "umount") if shutil.which(name) is None]
     if missing:
         return f"there is no program {', '.join(missing)}"
@@ -44,7 +44,7 @@ def why_nothing_can_be_mounted(folder: Path) -> str | None:
 CELLS = [cell for _, cell in asked().cells]
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
 STEPS = {"space": 8192, "size": 1024}
-"""Bytes from one attempt to the next; a tmpfs has room for whole pages of 4096 only."""
+"""Bytes between two attempts; a tmpfs only has room for whole pages of 4096."""
 
 
 def attempt(folder: Path, limit: Callable[[], None]) -> str:

@@ -1,4 +1,4 @@
-"""Damages scenes and suites at random and reads them: each is refused by name, or read for what it says.
+"""Damages scenes and suites at random and reads them: each is refused by name, or read as written.
 
     python -m bench.fuzz scenes [COUNT] [SEED]
     python -m bench.fuzz suites [COUNT] [SEED]

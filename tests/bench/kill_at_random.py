@@ -73,7 +73,7 @@ def unreadable(folder: Path) -> list[str]:
 
 
 def strike(folder: Path, moments: list[float]) -> tuple[int, list[int]]:
-    """Start as many processes as there are moments (seconds from now), kill each at its own.
+    """Start a process for each moment (seconds from now) and kill it then.
 
     Returns how many kills struck, and the exit codes of those that had ended before.
     """

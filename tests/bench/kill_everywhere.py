@@ -20,7 +20,7 @@ CELLS = [fake_cell(), fake_cell(variant=Variant(radiometric_weight=0.0))]
 
 
 class Executioner:
-    """Counts the moments at which the store changes and kills its process at one of them."""
+    """Counts the changes of the store and kills its process at one of them."""
 
     def __init__(self, deadly: int) -> None:
         self.deadly, self.events = deadly, 0

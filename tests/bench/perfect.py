@@ -54,7 +54,7 @@ KINDS = {
 class Perfect:
     """Shows the ground truth of a scene, but for what ``wrong`` adds to a map, and albedo divided by SCALE.
 
-    ``light`` is that which it has recovered; ``steps`` are those of preparing for another one.
+    ``light``: its recovered light; ``steps``: steps of preparing for another light.
     """
 
     timed = True
@@ -123,7 +123,7 @@ class Own:
 
 
 class Relit:
-    """Under one of the scene's lights; it shows indirect light where the scene knows it."""
+    """The model under one of the scene's lights; it shows indirect light if the scene knows it."""
 
     timed = True
     offers: Mapping[str, MapKind] = {name: KINDS[name] for name in ("image", "alpha", "indirect")}

@@ -1,4 +1,4 @@
-"""`make gpu` says when there is no card, keeps what each part said, and goes on where it stopped; and the bundle."""
+"""`make gpu` reports a missing card, keeps the output of each part, and continues where it stopped; and the bundle."""
 
 import json
 import subprocess
@@ -26,7 +26,7 @@ def bundle() -> ModuleType:
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a card")
-def test_without_a_card_it_says_so(check: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_card_it_reports_that(check: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert check.main(["--work", str(tmp_path / "work")], docs=tmp_path / "docs") == 2
     said = capsys.readouterr().out.splitlines()
     assert said[0] == "error: there is no CUDA device"

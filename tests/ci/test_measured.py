@@ -1,4 +1,4 @@
-"""The list of records says which of them this checkout would compute otherwise, and a record is made anew as it was."""
+"""The list of records that this checkout would compute otherwise, and the renewal of a record."""
 
 import subprocess
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The list of mutants is true, and the check of them tells what lives from what dies, on a house of one function."""
+"""The list of mutants is valid, and its check separates survivors from kills, on a house of one function."""
 
 import ast
 import re
@@ -78,7 +78,7 @@ def list_of(folder: Path, *entries: tuple[str, str, str, str]) -> Path:
 
 
 @pytest.mark.slow
-def test_what_lives_what_dies_and_what_cannot_be_tried(
+def test_survivors_kills_and_untestable_mutants_are_told_apart(
     house: Path, tmp_path: Path, mutants: ModuleType, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = list_of(
@@ -220,7 +220,7 @@ def test_native_text_is_changed_line_by_line(sampling: ModuleType) -> None:
     assert [*sampling.places_in_text(b"  sum[0] += x;\n")] == [(2, 13, "")]
 
 
-def test_what_survives_is_printed_with_its_line_and_time_ends_the_draws(
+def test_survivors_are_printed_with_their_line_and_time_ends_the_draws(
     house: Path, sampling: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = HOUSE["house.py"]

@@ -55,13 +55,13 @@ def house(folder: Path, fill: int = 5, **texts: str) -> SourceTree:
         ({f"one__m{number}": "" for number in range(26)}, "house/one: 31 files (5 to 30)"),
     ],
 )
-def test_what_is_wrong_is_found(texts: dict[str, str], said: str, structure: ModuleType, tmp_path: Path) -> None:
+def test_wrong_structure_is_found(texts: dict[str, str], said: str, structure: ModuleType, tmp_path: Path) -> None:
     found = structure.findings(house(tmp_path, **texts), "house")
     assert len(found) == 1
     assert said in found[0]
 
 
-def test_what_is_right_is_not(structure: ModuleType, tmp_path: Path) -> None:
+def test_correct_structure_causes_no_finding(structure: ModuleType, tmp_path: Path) -> None:
     tree = house(
         tmp_path,
         one__a="from ..two import b\nfrom .inner import c\n",
@@ -81,7 +81,7 @@ def test_a_folder_with_few_files_is_found_and_kernels_text_counts(structure: Mod
 
 
 def test_pieces_are_counted(structure: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Imports within functions make users, those of a file itself do not."""
+    """Imports within functions make users, imports of a file by itself do not."""
     texts = {
         "house/one/a.py": "from ..two import b, c\nfrom . import d\n",
         "house/one/d.py": "from . import d\nfrom ..two.c import x\n",
@@ -136,7 +136,7 @@ def test_every_table_is_a_file(structure: ModuleType) -> None:
         ("from house.cell import made\nfrom scenes import sphere\n_late = made()\n", ""),
     ],
 )
-def test_what_a_test_may_not_reach_for_is_found(structure: ModuleType, text: str, said: str, tmp_path: Path) -> None:
+def test_forbidden_uses_by_tests_are_found(structure: ModuleType, text: str, said: str, tmp_path: Path) -> None:
     tree = house(
         tmp_path,
         cell="_LIMIT: int = 2\ndef _late(): ...\nclass _Inner:\n    def __init__(self):\n        self._kept = 1\n",

@@ -1,4 +1,4 @@
-"""The check of measured values finds those outside marks, and knows where they are allowed."""
+"""The check of measured values finds values outside marks, and knows where they are allowed."""
 
 from types import ModuleType
 

@@ -1,4 +1,4 @@
-"""Lights in other shapes than latitude-longitude are converted where the file tells how, or refused by name."""
+"""Lights in other shapes than latitude-longitude are converted if the file states its layout, or refused by name."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -159,7 +159,7 @@ def turned(up: tuple[float, float, float], turn: float) -> tuple[torch.Tensor, n
 
 
 @pytest.mark.parametrize("up", [(0.0, 0, 1), (0, -1, 0), (0, 2, 0), (1, 0, 0), (0, 0, -1), (0.3, -0.5, 0.6)])
-def test_a_light_stands_in_the_world_with_its_top_up(up: tuple[float, float, float]) -> None:
+def test_a_light_is_placed_in_the_world_with_its_top_up(up: tuple[float, float, float]) -> None:
     found, to_map = turned(up, 0.0)
     height, width = found.shape[:2]
     world = texel_directions(height, width).numpy()

@@ -45,7 +45,7 @@ def test_a_scene_by_other_hands_has_every_map_and_two_more_lights(scene: Scene) 
     assert not scene.repairs
 
 
-def test_noise_lies_below_what_methods_reach(scene: Scene) -> None:
+def test_noise_lies_below_the_error_of_methods(scene: Scene) -> None:
     floors = told(scene)["noise_floors_db"]
     assert told(scene)["noise_floor_db"] >= 42
     assert floors["indirect"] >= 40
@@ -79,7 +79,7 @@ def test_lights_are_the_maps_that_the_scene_was_rendered_under(scene: Scene, tmp
         assert hashlib.sha256((tmp_path / "light.hdr").read_bytes()).hexdigest() == told(scene)["lights"][name]
 
 
-def test_makers_are_named_and_what_the_method_cannot_represent_is_marked(scene: Scene) -> None:
+def test_makers_are_named_and_unrepresentable_materials_marked(scene: Scene) -> None:
     metadata = told(scene)
     assert metadata["maker"] == "other hands"
     for credit in metadata["credits"]:

@@ -1,4 +1,4 @@
-"""``datasets pose``: COLMAP finds the poses of photographs without any, and says which photos it could not join."""
+"""``datasets pose``: COLMAP finds the poses of photographs, and the command names photos that it could not join."""
 
 import shutil
 import sys
@@ -66,7 +66,7 @@ def photo(pose: Pose) -> NDArray[np.uint8]:
 
 @pytest.fixture(scope="module")
 def corner(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of six photos of the corner, and one of something else."""
+    """A folder of six photos of the corner, and one photo of something else."""
     folder = tmp_path_factory.mktemp("corner")
     for name, pose in POSES.items():
         cv2.imwrite(str(folder / name), photo(pose))
@@ -90,7 +90,7 @@ def poses_in(folder: Path) -> dict[str, Pose]:
 def test_photos_get_their_poses_and_the_one_that_does_not_belong_is_named(
     corner: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The scene that `train` is told to train on has them; nothing but sparse/ is left in the folder of photos."""
+    """`train` can use the resulting scene; only sparse/ is added to the folder of photos."""
     folder = Path(shutil.copytree(corner, tmp_path / "photos"))
     assert main(["datasets", "pose", str(folder), "--threads", "2"]) == 0
     said = capsys.readouterr().out
@@ -147,7 +147,7 @@ def test_no_feature_lies_where_a_mask_is_black(corner: Path, tmp_path: Path) -> 
     assert found.unregistered == ("view 0.png", "view 7.png")
 
 
-def test_what_cannot_be_posed_is_refused_in_three_parts(corner: Path, tmp_path: Path) -> None:
+def test_captures_without_poses_are_refused_in_three_parts(corner: Path, tmp_path: Path) -> None:
     few, blank = tmp_path / "few", tmp_path / "blank"
     for folder in (few, blank):
         folder.mkdir()
@@ -176,7 +176,7 @@ def test_sequential_pairs_are_near_in_the_order_of_names_and_all_pairs_are_the_d
 def test_shared_captures_get_the_poses_they_come_with(
     shared_data: Path, tmp_path: Path, capture: str, step: int
 ) -> None:
-    """Rotations agree within a degree up to one of the world; prints the row of the table in docs/datasets.md."""
+    """Rotations agree within a degree up to one common rotation; prints the row of the table in docs/datasets.md."""
     (tmp_path / "images").mkdir()
     for path in sorted((shared_data / capture / "images").iterdir())[::step]:
         shutil.copy(path, tmp_path / "images")

@@ -180,7 +180,7 @@ def test_uncovered_colour_does_not_bleed_into_the_object() -> None:
 def test_photos_that_are_undistorted_already_keep_their_pixels(
     tmp_path: Path, model: str, bent: tuple[float, ...]
 ) -> None:
-    """A lens that bends by a fifth: the pixels are those of the file, the camera is the lens without its distortion."""
+    """A lens that bends by a fifth: the pixels are the file's, the camera is the lens without its distortion."""
     folder, options = tmp_path / "bent", SceneOptions(undistorted=True)
     lens = ((90.0,) if model == "SIMPLE_RADIAL" else (90.0, 90.0)) + (64.0, 48.0, *bent)
     write_model(folder, model, lens, ["a.png", "b.png"], "128 96")

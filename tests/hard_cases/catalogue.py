@@ -1,8 +1,8 @@
-"""The hard cases: what each is, what judges it, how far it may be off and why, and where it is tested.
+"""The hard cases: description, judge, tolerance with its reason, and tests of each.
 
 ``eps`` is float32's 1.19e-7. "ref64" is plain float64 on the inputs as they were rounded to float32 (``ref64``,
 ``reference``). Tests in this folder carry ``@pytest.mark.case(number)``; tests that stand elsewhere are named here.
-``shortfall`` says what does not hold, by how much, and why; its test is a strict expected failure.
+``shortfall`` states what does not hold, by how much, and why; its test is a strict expected failure.
 """
 
 from dataclasses import dataclass
@@ -292,7 +292,7 @@ CASES = (
         49, "masks", "metrics", "empty, one pixel, full; NaN outside", "named n/a; invariance to what is outside",
         "exact", (),
         (
-            "metrics/test_pictures.py::test_what_lies_outside_a_mask_does_not_count_even_if_it_is_nan",
+            "metrics/test_pictures.py::test_pixels_outside_a_mask_do_not_count_even_if_nan",
             "metrics/test_shape.py::test_nan_outside_the_mask_does_not_leak_and_an_empty_mask_has_no_figure",
         ),
     ),

@@ -109,7 +109,7 @@ def doubled(given: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def ball_of_surfels(count: int = 150, dtype: torch.dtype = torch.float32) -> Surfels:
-    """A closed ball of radius 1 about the origin, seen from outside, half of it rough."""
+    """A closed ball of radius 1 about the origin, with front sides outwards; half of it is rough."""
     place = torch.arange(count, dtype=torch.float64) + 0.5
     z = 1 - 2 * place / count
     azimuth = place * 2.399963229728653

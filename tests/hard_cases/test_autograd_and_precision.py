@@ -31,7 +31,7 @@ Values = dict[str, Tensor]
 
 @pytest.mark.case(39)
 def test_depth_and_normals_of_the_background_have_a_gradient_of_exactly_zero() -> None:
-    """Half of the image is empty: nothing of it reaches a surfel, and no division by its alpha is felt."""
+    """Half of the image is empty: no gradient of it reaches a surfel, and no division by its alpha matters."""
     camera = looking_along_z(12, 8)
     surfels = raw_surfels(4, spread=0.1)
     surfels.centre = surfels.centre + torch.tensor([-1.5, 0.0, 0.0])
@@ -50,9 +50,9 @@ def test_depth_and_normals_of_the_background_have_a_gradient_of_exactly_zero() -
 @pytest.mark.case(40)
 @pytest.mark.parametrize("length", [0.0, 1e-30, 1e-12, 1e-3])
 def test_normals_of_vanishing_triangles_pull_by_a_bounded_force(length: float) -> None:
-    """Points that coincide have no normal and no gradient; those that nearly do, one of their own inverse distance.
+    """Coinciding points have no normal and no gradient; nearly coinciding ones, a gradient of their inverse distance.
 
-    A direction's gradient is 1 / length: that is the derivative and no accident, so the bound is theirs.
+    A direction's gradient is 1 / length: this is the true derivative, and gives the bound.
     """
     grid = torch.stack([*torch.meshgrid(torch.arange(5.0), torch.arange(5.0), indexing="xy"), torch.zeros(5, 5)], -1)
     points = (length * grid).requires_grad_()

@@ -50,7 +50,7 @@ def tilted(depth: float, count: int = 1) -> dict[str, Tensor]:
 @pytest.mark.case(16)
 @pytest.mark.parametrize("depth", [1e-6, -1e-6, 1e-3, -1e-3])
 def test_a_centre_on_the_cameras_plane_does_not_pop(depth: float) -> None:
-    """There is no near plane; the camera's own plane is the nearest thing to one. Either side of it looks the same."""
+    """There is no near plane; the closest thing to one is the camera's own plane, whose two sides look the same."""
     camera = looking_along_z(32, 32)
     given = tilted(depth)
     exact = ref64.image(camera, given, given["features"])
@@ -62,7 +62,7 @@ def test_a_centre_on_the_cameras_plane_does_not_pop(depth: float) -> None:
 
 
 @pytest.mark.case(17)
-def test_a_surfel_at_the_cameras_centre_is_not_drawn_and_harms_none() -> None:
+def test_a_surfel_at_the_cameras_centre_is_not_drawn_and_harms_no_other() -> None:
     camera, sound, inside = looking_along_z(), raw_surfels(8), raw_surfels(1)
     inside.centre = torch.zeros(1, 3, requires_grad=True)
     found = seen(camera, joined(sound, inside))
@@ -144,7 +144,7 @@ def test_a_closed_shell_does_not_leak(scale: float, offset: float) -> None:
 @pytest.mark.case(24)
 @pytest.mark.parametrize(("scale", "offset"), [(1e-3, 0.0), (1.0, 0.0), (1e3, 0.0), (1e3, 1e6)])
 def test_a_plane_never_shadows_itself(scale: float, offset: float) -> None:
-    """Every surfel of it faces the way that its rays go: no ray meets any, however it starts."""
+    """Every surfel faces along its rays: no ray meets any, whatever its start."""
     count = 400
     surfels = raw_surfels(count)
     surfels.centre = scale * torch.cat([torch.randn(count, 2), torch.zeros(count, 1)], -1) + offset

@@ -44,7 +44,7 @@ def in_float64(surfels: Surfels) -> Surfels:
 @pytest.mark.case(18)
 @pytest.mark.parametrize(("shift", "quantised"), [(1e2, 2e-4), (1e4, 0.05), (1e6, 0.5)])
 def test_a_scene_far_away_errs_only_by_the_rounding_of_its_coordinates(shift: float, quantised: float) -> None:
-    """Measured: 1.3e-6 by arithmetic at each of the three; 9e-6, 0.016 and 0.12 by what float32 cannot say there."""
+    """Measured: 1.3e-6 by arithmetic at each of the three; 9e-6, 0.016 and 0.12 by float32's rounding of positions."""
     surfels, camera = two_balls(), SIDE_VIEW
     there = moved(surfels, camera, shift=shift)
     exact = rendered(in_float64(there[0]), there[1].to(dtype=torch.float64))

@@ -50,7 +50,7 @@ def test_each_strategy_alone_and_both_together_shade_alike(roughness: float) -> 
 
 @pytest.mark.case(31)
 def test_a_sun_of_one_texel_lights_every_surface_alike() -> None:
-    """Irradiance by 64 + 64 directions: .07 of it is noise. Drawn by the texel's own value, 3.8 of it would be."""
+    """Irradiance by 64 + 64 directions has noise of .07; drawn by the texel's own value it would have 3.8."""
     radiance = torch.zeros(128, 256, 3, dtype=F64)
     radiance[40, 100] = 1000.0
     light, sun = EnvironmentMap(radiance), texel_directions(128, 256)[40, 100]

@@ -1,9 +1,8 @@
 """Case 13: values that break arithmetic, in every slot of surfels, camera and light.
 
 A poisoned scene must end in one of these ways: an error that names what is wrong; the image without the poisoned
-primitive, to the last bit; that of the sound scene, if the value was never read (harmonics that no ray meets); or, if
-it is one that the slot may take, the image that float64 makes of the same numbers. A NaN must not end in the last
-way.
+primitive, to the last bit; the sound scene's image, if the value was never read (harmonics that no ray meets); or, if
+it is one that the slot may take, the image that float64 makes of the same numbers. A NaN must not end in the last way.
 """
 
 import math
@@ -64,9 +63,9 @@ def same_bits(first: Maps, second: Maps) -> bool:
 
 
 def same_numbers(found: Maps, exact: Maps) -> bool:
-    """Within 2e-4, relative to the map's largest value; normals only where there is something to have one.
+    """Within 2e-4, relative to the map's largest value; normals only where a surface is.
 
-    The largest error of 10,120 inputs, 1.1e-4, is that of a coefficient of 1e38 where its harmonic is almost zero.
+    The largest error of 10,120 inputs, 1.1e-4, comes from a coefficient of 1e38 where its harmonic is almost zero.
     """
     covered = exact["alpha"] > 1e-2
     return all(

@@ -43,7 +43,7 @@ def traced_along_z(surfels: Surfels) -> tuple[Tensor, ...]:
 
 
 def assert_never_met(broken: Surfels) -> None:
-    """Images and rays are those of the scene without ``broken``, to the last bit."""
+    """Images and rays equal the scene's without ``broken``, to the last bit."""
     camera, sound = looking_along_z(), raw_surfels(8)
     assert float(seen(camera, sound)[1].max()) > 0.5
     assert_same_bits(seen(camera, joined(sound, broken)), seen(camera, sound))
@@ -185,7 +185,7 @@ def test_a_surfel_seen_exactly_edge_on_or_from_behind_is_not_met(tilt: float) ->
 
 @pytest.mark.case(10)
 @pytest.mark.parametrize("scale", [1e-3, 1e-2, 10.0, 1e3])
-def test_what_faces_the_camera_does_not_depend_on_the_scenes_scale(scale: float) -> None:
+def test_facing_the_camera_does_not_depend_on_the_scenes_scale(scale: float) -> None:
     """Normals within 0.02 of edge-on; at most 0.1 % of the pixels may round to the other side."""
     camera = looking_along_z(30, 30, 30.0)
     count = 60
@@ -330,7 +330,7 @@ def test_a_pixel_through_thirty_thousand_layers_stops_where_float64_does() -> No
 @pytest.mark.case(11)
 @pytest.mark.parametrize("copies", [17, 33, 64])
 def test_coincident_surfels_are_all_blended_whatever_their_order(copies: int) -> None:
-    """More equal depths than a buffer holds. Equal surfels may be exchanged; different ones go by their number."""
+    """More equal depths than a buffer holds. Equal surfels may be exchanged; different ones are ordered by index."""
     camera = looking_along_z(3, 3)
     given = with_radiance(facing(torch.full((copies,), 2.0), 0.03))
     assert_near(drawn(camera, given)[:3], ref64.image(camera, given, given["features"])[:3], 1e-6)

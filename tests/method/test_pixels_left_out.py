@@ -25,7 +25,7 @@ SIZE = 24
 
 
 def hole(number: int) -> torch.Tensor:
-    """Where a view counts: everywhere but in a rectangle of its own."""
+    """Where a view counts: everywhere except in its own rectangle."""
     valid = torch.ones(SIZE, SIZE, 1)
     valid[6 + number % 3 : 14, 4 + 2 * (number % 4) : 16] = 0
     return valid
@@ -47,7 +47,7 @@ def scene_of(content: float, masked: bool = True) -> Scene:
 
 
 def begun(name: str, scene: Scene, steps: int, last: Scene | None = None) -> Any:
-    """The last stage of a method, after ``steps`` steps of those before it; it begins on the ``last`` scene."""
+    """The last stage of a method, after ``steps`` steps of each earlier stage; it begins on the ``last`` scene."""
     method = installed_method(name)
     run = Run(scene, method.variant(), method.presets["smoke"], 0, CPU)
     product: Mapping[str, Any] = {}
@@ -150,7 +150,7 @@ def test_starting_points_come_from_pixels_that_count() -> None:
     assert float((found[1].colours - 0.9).abs().sum(-1).min()) > 0
 
 
-def test_a_silhouette_says_nothing_where_pixels_are_left_out() -> None:
+def test_excluded_pixels_are_neither_inside_nor_outside_a_silhouette() -> None:
     view = scene_of(0.9).train[0]
     silhouette, points = Silhouette.of(view), 2 * torch.rand(500, 3, generator=torch.Generator().manual_seed(2)) - 1
     pixel, _, in_frame = view.camera.project(points)

@@ -72,7 +72,7 @@ def test_least_squares_may_be_negative_and_says_so() -> None:
     assert least_squares(torch.tensor([[1.0], [2.0]]), torch.tensor([[-2.0], [-4.0]])).item() == pytest.approx(-2)
 
 
-def test_nothing_to_align_with_is_one() -> None:
+def test_without_pixels_the_alignment_factor_is_one() -> None:
     predictions, truths, masks = views()
     for rules in (Albedo(), Albedo(align="none"), Albedo(align="least squares")):
         assert albedo_scale(predictions, truths, [0 * mask for mask in masks], rules).tolist() == [1, 1, 1]

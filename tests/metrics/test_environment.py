@@ -32,7 +32,7 @@ def test_the_true_light_is_exact_and_darkness_is_one(scale: str) -> None:
     assert environment_error(torch.zeros_like(truth), truth, Environment(scale)) == pytest.approx(1)
 
 
-def test_scales_forgive_what_they_name() -> None:
+def test_a_scale_removes_exactly_its_own_error() -> None:
     truth = light()
     grey, coloured = 3 * truth, torch.tensor([3.0, 0.5, 1.0]) * truth
     assert environment_error(grey, truth) == pytest.approx(4)
@@ -123,7 +123,7 @@ def towards_texels(height: int) -> torch.Tensor:
     )
 
 
-def test_the_lobe_is_that_of_ggx_with_view_and_normal_along_its_axis() -> None:
+def test_the_lobe_is_ggx_with_view_and_normal_along_its_axis() -> None:
     """Sampled by the distribution's inverse: cos^2 of the half vector is (1 - u) / (1 + (a^2 - 1) u)."""
     roughness, count = 0.4, 400
     axis = torch.tensor([[0.6, 0.0, 0.8]], dtype=torch.float64)
@@ -138,7 +138,7 @@ def test_the_lobe_is_that_of_ggx_with_view_and_normal_along_its_axis() -> None:
     torch.testing.assert_close(found, 1 + mean * axis, atol=5e-3, rtol=0)
 
 
-def test_averaging_keeps_the_energy_and_each_texel_is_the_mean_of_what_it_covers() -> None:
+def test_averaging_keeps_the_energy_and_each_texel_is_a_mean_over_its_area() -> None:
     fine = light(24).double()
     for rows, columns in ((24, 48), (12, 24), (7, 10), (40, 30)):
         coarse = averaged(fine, rows, columns)

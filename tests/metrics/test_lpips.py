@@ -102,7 +102,7 @@ def architecture(net: Net) -> tuple[nn.Sequential, list[int]]:
 
 @pytest.mark.parametrize("net", BACKBONES)
 def test_the_networks_are_torchs_own_layers(net: Net) -> None:
-    """Random weights: for VGG16 no published ones are at hand, so its architecture is judged by nn.Sequential."""
+    """Random weights: VGG16's published weights are not at hand, so its architecture is judged by nn.Sequential."""
     network, taps = architecture(net)
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=1.5 / max(1, parameter[0].numel()) ** 0.5)
@@ -264,7 +264,7 @@ def test_a_damaged_file_is_replaced(tmp_path: Path) -> None:
     ("path", "complaint"),
     [("/gone", "404"), ("/short", r"100 of \d+ bytes"), ("/wrong", f"not with {DIGEST[:8]}"), ("/stuck", "timed out")],
 )
-def test_anything_else_is_an_error_that_leaves_nothing_behind(tmp_path: Path, path: str, complaint: str) -> None:
+def test_wrong_downloads_are_errors_and_leave_no_file(tmp_path: Path, path: str, complaint: str) -> None:
     with serving() as server, pytest.raises(DataError, match=complaint) as raised:
         fetch(Piece("net.pth", f"{server}{path}", sha256=DIGEST[:8]), tmp_path, nothing, timeout=0.2)
     assert server in raised.value.what
@@ -286,7 +286,7 @@ def test_a_server_that_is_not_there_is_an_error(tmp_path: Path) -> None:
         fetch(Piece("net.pth", f"{server}/good", sha256=DIGEST), tmp_path, nothing)
 
 
-def test_what_is_fetched_is_what_is_looked_for() -> None:
+def test_fetched_files_have_the_expected_names() -> None:
     for net, sources in SOURCES.items():
         features, head = sources
         assert features.name in FILES[net].features
@@ -304,10 +304,10 @@ def test_what_is_fetched_is_what_is_looked_for() -> None:
         ("/good", "1", []),
     ],
 )
-def test_a_run_fetches_what_its_networks_lack_until_a_failure_unless_told_not_to(
+def test_a_run_fetches_missing_weights_until_a_failure_unless_forbidden(
     path: str, offline: str, said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A failure is said once, and ends it; SqueezeNet is there."""
+    """A failure is reported once, and ends the downloads; SqueezeNet's weights exist."""
     monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path))
     monkeypatch.setenv(OFFLINE_VARIABLE, offline)
     for name in (FILES["squeeze"].features[0], FILES["squeeze"].head[-1]):
@@ -351,7 +351,7 @@ def test_the_command_fetches_what_is_asked_for_and_says_where(
         assert expected in shown
 
 
-def test_the_heads_digests_are_those_of_the_published_files(shared_data: Path) -> None:
+def test_the_heads_digests_match_the_published_files(shared_data: Path) -> None:
     for _, head in SOURCES.values():
         content = (shared_data / "lpips" / "heads" / head.name).read_bytes()
         assert hashlib.sha256(content).hexdigest() == head.sha256

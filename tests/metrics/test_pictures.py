@@ -1,4 +1,4 @@
-"""Pictures: how they are laid out, PSNR, SSIM and colour differences of them, and means over views."""
+"""Pictures: their layout, PSNR, SSIM and colour differences, and means over views."""
 
 import math
 import subprocess
@@ -140,7 +140,7 @@ def test_ten_million_small_errors_and_a_few_large_ones_are_summed_without_loss()
     assert mse(image, torch.zeros_like(image)) == pytest.approx(expected, rel=1e-9)
 
 
-def test_what_lies_outside_a_mask_does_not_count_even_if_it_is_nan() -> None:
+def test_pixels_outside_a_mask_do_not_count_even_if_nan() -> None:
     image, target, mask = torch.rand(8, 8, 1), torch.rand(8, 8, 1), torch.zeros(8, 8, 1)
     mask[2, 3] = 1
     image[0, 0], target[7, 7] = math.nan, math.inf
@@ -311,7 +311,7 @@ def image(seed: int) -> torch.Tensor:
     return torch.rand(16, 16, 3, generator=torch.Generator().manual_seed(seed))
 
 
-def test_it_is_that_of_an_independent_library() -> None:
+def test_ciede2000_agrees_with_an_independent_library() -> None:
     ours, theirs = image(0), image(1)
     lab = [rgb2lab(srgb_encode(side).numpy().astype(np.float64)) for side in (theirs, ours)]
     expected = deltaE_ciede2000(*lab)
@@ -344,7 +344,7 @@ def test_protocol_default_measures_it_of_the_aligned_albedo_and_no_published_one
 
 
 def test_the_library_leaves_the_digits_that_numpy_prints() -> None:
-    """In a process of its own, since a library is imported once."""
+    """In a separate process, because a library is imported only once."""
     lines = (
         "import numpy as np, torch",
         "from radiogs_bench.scoring.metrics.albedo import ciede2000",

@@ -1,4 +1,4 @@
-"""Values of each named protocol on known images, and that the default one stays the one of stored results."""
+"""Values of each named protocol on known images; stored results keep the default protocol."""
 
 import json
 import math
@@ -190,7 +190,7 @@ def test_what_a_mask_excludes_cannot_leak_and_an_empty_one_is_no_perfect_score(n
     assert {value.reason for value in empty.values()} == {"the mask is empty"}
 
 
-def test_what_a_code_does_not_score_is_not_available() -> None:
+def test_maps_that_a_code_does_not_score_are_not_available() -> None:
     image, ones = torch.rand(16, 16, 3), torch.ones(16, 16, 1)
     for name, scores in {
         "r3dg": protocol("r3dg").score_normal(image, image, ones),
@@ -314,7 +314,7 @@ def test_normals_that_carry_their_coverage_are_blended_by_it_again(name: str, by
 
 
 def test_titles_have_the_version_and_the_document_lists_each() -> None:
-    """Whoever changes values under a name raises its version, and says in the document what changed."""
+    """Whoever changes values under a name raises its version, and documents the change."""
     titles = {rules.title for rules in PROTOCOLS.values()}
     assert {"default", "r3dg@2", "stanford-orb@2"} <= titles
     assert all(rules.describe()["title"] == rules.title for rules in PROTOCOLS.values())

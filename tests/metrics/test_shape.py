@@ -46,7 +46,7 @@ def test_the_angle_is_exact_from_identical_to_anti_parallel(degrees: float, leng
 
 
 def test_identical_float32_normals_are_at_no_angle() -> None:
-    """Where arccos of their dot products, clamped, would say 0.002 degrees, and NaN unclamped."""
+    """Clamped arccos of their dot products would give 0.002 degrees, and unclamped NaN."""
     normal = torch.nn.functional.normalize(torch.randn(50, 50, 3), dim=-1)
     assert angle(normal, normal).max() < 1e-6
 
@@ -72,7 +72,7 @@ def test_floaters_count_by_their_own_coverage_but_not_by_the_truths() -> None:
 
 
 def test_a_silhouette_is_blended_halfway_to_the_background() -> None:
-    """(1, 0, 0) at half coverage over (0, 0, 1) stands at 45 degrees."""
+    """(1, 0, 0) at half coverage over (0, 0, 1) makes 45 degrees."""
     sideways = torch.tensor([1.0, 0.0, 0.0]).expand(2, 2, 3)
     half, full = torch.full((2, 2, 1), 0.5), torch.ones(2, 2, 1)
     assert normal_mae(sideways, sideways, full, half, IMAGE) == pytest.approx(45)
@@ -103,7 +103,7 @@ def test_eight_bits_cost_a_fifth_of_a_degree() -> None:
     assert rounded == pytest.approx(0.17, abs=0.02)
 
 
-def test_a_protocol_says_that_its_mask_is_empty() -> None:
+def test_a_protocol_gives_an_empty_mask_as_reason() -> None:
     found = protocol("default").score_normal(towards(degrees=0), towards(degrees=0), torch.zeros(4, 4, 1))["mae"]
     assert (found.value, found.reason) == (None, "the mask is empty")
 
@@ -163,7 +163,7 @@ def test_the_seed_decides_the_points() -> None:
     assert first == again != other
 
 
-def test_distances_from_cells_are_those_from_the_solids() -> None:
+def test_distances_from_cells_agree_with_the_solids() -> None:
     generator = np.random.default_rng(0)
     directions = generator.normal(size=(500, 3))
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)

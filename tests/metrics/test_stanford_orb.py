@@ -69,7 +69,7 @@ def test_both_psnrs_are_the_evaluators(relight: bool) -> None:
     assert "psnr_h" in found["psnr"].reason
 
 
-def test_no_psnr_is_below_that_of_grey() -> None:
+def test_no_psnr_is_below_the_constant_greys() -> None:
     _, truth, mask = scene()
     inside = orb.eroded(tensors(mask)[0])
     terrible = torch.full((40, 36, 3), 50.0).double()
@@ -85,7 +85,7 @@ def test_relighting_forgives_a_factor_a_channel_and_new_views_do_not() -> None:
     assert ORB.score_albedo(a, b.clamp(0, 1), torch.ones(3), m)["psnr"].value < PSNR_CAP
 
 
-def test_what_lies_outside_the_eroded_mask_never_counts() -> None:
+def test_pixels_outside_the_eroded_mask_never_count() -> None:
     image, truth, mask = scene()
     a, b, m = tensors(image, truth, mask)
     expected = ORB.score_linear(a, b, m, "relight"), ORB.score_albedo(a, b, torch.ones(3), m)

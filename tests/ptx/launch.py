@@ -1,4 +1,4 @@
-"""Launches kernels from the PTX that NVRTC makes of them, in place of their launches on the CPU."""
+"""Launches kernels from the PTX that NVRTC makes, in place of their CPU launches."""
 
 import ctypes
 import hashlib
@@ -126,7 +126,7 @@ def _bytes(structure: Any, name: str) -> bytes:
 
 @contextmanager
 def launched_from_ptx(account: Account, seed: int) -> Iterator[None]:
-    """Arrange work as on CUDA within the block, and launch each kernel from its PTX, but those that no card runs."""
+    """Arrange work as on CUDA within the block, and launch each kernel from its PTX, except CPU-only kernels."""
     memory, address_of, recorded = Memory(), torch.Tensor.data_ptr, runtime.recorded
     launches, of_the_cpu = {}, {kernel.key for kernel in kernels_of_the_cpu()}
 

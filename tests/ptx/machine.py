@@ -178,7 +178,7 @@ def _contents(allocations: Sequence[tuple[int, int]]) -> list[bytes]:
 
 
 def _apart(allocations: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The allocations in order, those that overlap as one."""
+    """The allocations in order, overlapping ones merged."""
     merged: list[tuple[int, int]] = []
     for begin, end in sorted(allocations):
         if merged and begin < merged[-1][1]:

@@ -20,7 +20,7 @@ SEVERAL = ("unpack", "shfl", "match")
 
 SPACES = ("generic", "global", "local", "shared", "param", "const")
 BASES = ("plain", "local", "param", "static", "%tid.x", "%ctaid.x", "%ntid.x", "%nctaid.x", "%laneid", "%warpid")
-"""A constant is relative to one of these: a thread's memory, the kernel's parameters, constants in memory, a place."""
+"""Bases of constants: a thread's memory, the kernel's parameters, constants in memory, a place."""
 
 FIXED = {f"{name}.{axis}": int("n" in name) for name in ("%tid", "%ctaid", "%ntid", "%nctaid") for axis in "yz"}
 
@@ -289,8 +289,8 @@ class _Reader:
 def contracted(code: Sequence[Instruction], starts: Collection[int]) -> list[Instruction]:
     """The code with products and sums in one step, where they have no rounding mode and ptxas may do so.
 
-    Which of them ptxas takes is not known: here, each product that one sum and nothing else uses, in its own block.
-    ``starts``: where blocks start.
+    Which of them ptxas fuses is unknown: here, each product used by exactly one sum, in its own block. ``starts``:
+    where blocks start.
     """
     uses = Counter(slot for each in code for slot in _slots(each))
     made, products = list(code), dict[int, int]()

@@ -105,7 +105,7 @@ def test_lanes_that_meet_add_up_and_only_one_of_a_warp_changes_memory() -> None:
         ("bar.warp.sync -1; bar.sync 0; mov.u32 %r2, 9;", 9),
     ],
 )
-def test_lanes_hand_over_what_ptx_defines(body: str, expected: int) -> None:
+def test_shuffles_of_lanes_follow_ptx(body: str, expected: int) -> None:
     """At lane 3, which alone has %p1."""
     place = "mov.u32 %r9, %laneid; setp.eq.u32 %p1, %r9, 3;"
     array, account = run(f"{place} {body} st.global.u32 [%rd4], %r2;")
@@ -145,7 +145,7 @@ def test_lanes_hand_over_what_ptx_defines(body: str, expected: int) -> None:
         ("{ .reg .b32 %r1; mov.u32 %r1, 8; } mov.u32 %r2, 4;", 4),
     ],
 )
-def test_operations_compute_what_ptx_defines(body: str, expected: int) -> None:
+def test_operations_follow_ptx(body: str, expected: int) -> None:
     array, _ = run(f"{body} st.global.u32 [%rd4], %r2;")
     assert set(array) == {expected}
 

@@ -28,11 +28,11 @@ def assert_gradients(
     same_hits: Callable[[Values], object] = lambda values: None,
     directions: int = 8,
 ) -> None:
-    """Each kind of parameter alone, moved in random directions.
+    """Compare gradients of each kind of parameter with central differences in random directions.
 
     The tolerance is 1e-9 of the largest gradient of its kind, over the root of the number of entries that moved, which
-    is how far rounding of that size adds up. ``same_hits`` says what is met: where that changes along the stencil the
-    value jumps and no derivative exists, so the direction is drawn anew; more of those than directions is an error.
+    is how far rounding of that size adds up. ``same_hits`` lists the hits: if they change along the stencil, the value
+    jumps and no derivative exists, so another direction is drawn; more redraws than directions are an error.
     """
     met = same_hits(given)
     for name, gradient in gradients.items():

@@ -1,4 +1,4 @@
-"""A run beside another one: which values differ, which settings do, and which cells are left out."""
+"""A run beside another one: values and settings that differ, and cells that are left out."""
 
 import copy
 from typing import Any
@@ -68,7 +68,7 @@ def test_differences_are_paired_t_tests_with_holms_correction_over_the_rows() ->
     assert backwards["ours"].verdict == "worse"
 
 
-def test_sentences_name_what_gained_what_was_set_otherwise_and_what_has_no_counterpart() -> None:
+def test_sentences_name_gains_other_settings_and_missing_counterparts() -> None:
     now, before = made_up(later=True), made_up(later=False)
     before["runs"] = [each for each in before["runs"] if (each["row"], each["scene"]) != ("noisy", "one")]
     for each in before["runs"]:

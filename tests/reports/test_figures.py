@@ -232,7 +232,7 @@ def test_direct_and_indirect_light_add_up_to_the_image() -> None:
 
 
 def test_true_indirect_light_is_shown_as_incident_where_the_protocol_says_so() -> None:
-    """Incident light is no part of the image, so no direct light can be computed from it."""
+    """Incident light is not a part of the image, so direct light cannot be computed from it."""
     found = {"image": np.full((2, 2, 3), 0.5), "indirect": np.full((2, 2, 3), 0.01)}
     assert components(found).keys() == {"image", "indirect", "direct"}
     arriving = components(indirect_as_incident(found))
@@ -322,7 +322,7 @@ def test_a_light_is_scaled_by_the_factor_that_fits_best_over_the_sphere() -> Non
     assert found[2] == 0
 
 
-def test_tone_mapping_tells_a_sun_and_its_sky_from_white_at_any_brightness() -> None:
+def test_tone_mapping_separates_sun_sky_and_white_at_any_brightness() -> None:
     """Values against the formula, for a grey sky whose log-mean is its own luminance but for the sun's texel."""
     sky = np.full((16, 32, 3), 0.7)
     sky[4, 16] = 200.0
@@ -408,7 +408,7 @@ write_figures({**summary(), "sheet": []}, Path(sys.argv[1]))
 
 @pytest.mark.parametrize("named_by", ["the folder", "MATPLOTLIBRC", "MPLCONFIGDIR"])
 def test_no_matplotlibrc_changes_a_figure(named_by: str, tmp_path: Path) -> None:
-    """matplotlib reads that of the current folder first, then these."""
+    """matplotlib reads the current folder's file first, then these."""
     (tmp_path / "hostile").mkdir()
     (tmp_path / "hostile" / "matplotlibrc").write_text(HOSTILE)
     started_in = tmp_path / "hostile" if named_by == "the folder" else tmp_path

@@ -22,7 +22,7 @@ def test_the_error_of_normals_is_their_angle() -> None:
     assert error("normal", mine, theirs)[0, :, 0] == pytest.approx(expected, abs=1e-9)
 
 
-def test_a_surface_where_there_is_none_is_a_full_error_of_the_normal() -> None:
+def test_a_normal_without_true_surface_has_the_full_error() -> None:
     surface, nothing = np.array([[[0.0, 0.0, 1.0]]]), np.zeros((1, 1, 3))
     assert error("normal", surface, nothing) == 1
     assert error("normal", nothing, surface) == 1

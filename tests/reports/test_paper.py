@@ -204,14 +204,14 @@ def test_published_values_by_other_conventions_stand_apart() -> None:
     assert len(paper_tables(TABLE, SUMMARY)) == 1
 
 
-def test_records_name_the_protocol_and_what_ran() -> None:
+def test_records_name_the_protocol_and_the_measured_rows() -> None:
     records = list(csv.DictReader(io.StringIO(paper_csv(other_conditions(*IMAGES), SUMMARY))))
     found = {(each["row"], each["column"]): (each["published_by"], each["ran"]) for each in records}
     assert found["detach", "nvs/psnr"] == ("radiogs", RAN)
     assert found["ours", "training/hours"] == ("", "")
 
 
-def test_the_suites_own_table_leaves_out_what_is_by_other_conventions() -> None:
+def test_the_suites_table_leaves_out_values_by_other_conventions() -> None:
     made = summary()
     column = made["columns"][0]
     assert "(37.86)" in suite_latex(suite_table(made))

@@ -52,7 +52,7 @@ def test_each_difference_has_a_sentence_that_says_whether_the_run_agrees(
     )
 
 
-def test_the_papers_claims_stand_beside_what_every_recipe_measured() -> None:
+def test_the_papers_claims_are_compared_with_every_recipes_values() -> None:
     made = {recipe: recorded({**summary(), "recipe": recipe}) for recipe in ("printed", "recommended")}
     for recipe, (low, high, verdict) in {"printed": (-3.0, -1.0, "worse"), "recommended": (-0.5, 0.1, None)}.items():
         made[recipe]["published"] = {"ours": {"nvs/psnr": 31.0}, "no-rad": {"nvs/psnr": 29.0}}

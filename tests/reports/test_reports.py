@@ -40,7 +40,7 @@ def test_reports_are_rebuilt_byte_for_byte(run: Path, tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_rows_that_are_compared_with_none_of_them_have_all_reports_too(tmp_path: Path) -> None:
+def test_rows_without_a_reference_row_have_all_reports(tmp_path: Path) -> None:
     made = summary()
     made["reference"] = None
     for row in made["cells"].values():

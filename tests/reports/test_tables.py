@@ -1,4 +1,4 @@
-"""The table model decides everything once: all renderers print its texts, and none has numbers of its own."""
+"""The table model decides every text once: all renderers print its texts, and none computes numbers."""
 
 import re
 from collections.abc import Callable

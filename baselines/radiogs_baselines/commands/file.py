@@ -30,7 +30,7 @@ MANUAL = "The fields of a method's file are described in docs/your_method.md."
 
 @dataclass(frozen=True)
 class PublicCode:
-    """The location of a code on this machine; of a public one also its origin, which one with a ``folder`` may lack."""
+    """The location of a code on this machine; for a public code also its origin, optional with a ``folder``."""
 
     url: str = ""
     """Address of its repository."""
@@ -55,7 +55,7 @@ class TrainCommand:
     arguments: tuple[str, ...]
     """The program and its arguments, with placeholders."""
     writes: tuple[str, ...]
-    """Glob patterns of files that the command has to write; a folder stands for all files in it."""
+    """Glob patterns of files that the command has to write; for a folder, all files in it."""
     title: str = ""
     """Title of the stage in messages; empty: the method's title and ``name``."""
     resume: tuple[str, ...] = ()

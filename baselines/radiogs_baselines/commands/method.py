@@ -128,7 +128,7 @@ class CommandMethod:
         return [[repr(sorted(decisive(self.file).items()))], list(run.variant.arguments), budget, scene]
 
     def _forget_after(self, workspace: Workspace, number: int) -> None:
-        """Delete the records of all later commands, because this command runs again."""
+        """Delete the records of all later commands, which are void because this command runs again."""
         later = [each.name for each in self.file.train[number + 1 :]]
         for folder in (workspace.done("").parent, workspace.begun("").parent):
             for path in folder.glob("*.json"):
@@ -136,7 +136,7 @@ class CommandMethod:
                     path.unlink(missing_ok=True)
 
     def _require_whole(self, workspace: Workspace, product: Mapping[str, Any]) -> None:
-        """Raise DataError unless the files of all earlier commands are there and unchanged."""
+        """Raise DataError unless the files of all earlier commands exist unchanged."""
         for command in self.file.train:
             if command.name in product:
                 record = Record(**product[command.name])

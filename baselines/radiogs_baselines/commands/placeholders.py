@@ -34,7 +34,7 @@ LISTS: Mapping[str, str] = {
     "arguments": "further arguments of the variant",
     "resume": "the command's arguments for continuing an interrupted run",
 }
-"""Placeholders for a list of arguments; each has to be an argument of its own."""
+"""Placeholders for a list of arguments; such a placeholder must be a whole argument."""
 
 ITERATIONS = frozenset({"iterations", "further", "total"})
 """Placeholders whose values are the iterations of a preset."""

@@ -69,7 +69,7 @@ class Command:
     folder: Path
     """Working folder."""
     environment: Mapping[str, str]
-    """Environment variables, beside those of this process."""
+    """Environment variables, in addition to this process's."""
     log: Path
     """Path of the log."""
     works_for: Path
@@ -135,7 +135,7 @@ class Running:
         return self._ended
 
     def end(self, too_long: bool = False) -> ExitStatus:
-        """End the command if it runs, and all its children, also those that outlive it; returns how it ended."""
+        """End the command if it runs, and all its children, also surviving ones; returns how the command ended."""
         if self._ended is None:
             seconds = time.monotonic() - self._begun
             survivors = self._family.end(self.grace)
@@ -167,7 +167,7 @@ class BoundedLog:
     """A file that keeps the first and the last ``limit`` / 2 bytes of a command's output.
 
     The end is written to a ring buffer behind the beginning, and ``close`` puts it in order; if the harness is killed,
-    both are in the file. If the disk is full, further output is dropped and ``trouble`` says so, because a reader that
+    both are in the file. If the disk is full, further output is dropped and ``trouble`` is set, because a reader that
     stopped would block the command.
     """
 
@@ -200,7 +200,7 @@ class BoundedLog:
                     data = data[written:]
 
     def close(self) -> None:
-        """Put the ring buffer in order, after a line that says how many bytes are left out."""
+        """Put the ring buffer in order, after a line with the number of bytes left out."""
         with self._lock, self._file:
             left_out = self.size - 2 * self._half
             if left_out <= 0 or self.trouble:
@@ -257,7 +257,7 @@ class Family:
         return resident
 
     def end(self, grace: float) -> list[int]:
-        """Terminate all members, and kill them after ``grace`` seconds; returns the numbers of those that survive."""
+        """Terminate all members, and kill them after ``grace`` seconds; returns the process numbers of survivors."""
         self._signal(signal.SIGTERM)
         if self._gone_within(grace):
             return []

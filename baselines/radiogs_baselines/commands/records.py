@@ -61,7 +61,7 @@ def digest_of_order(*parts: Sequence[str]) -> str:
 
 
 def listing_of(root: Path, files: Iterable[Path]) -> dict[str, int]:
-    """Sizes of files; a folder stands for all files in it. Paths are relative to ``root``."""
+    """Sizes of files; for a folder, of all files in it. Paths are relative to ``root``."""
     found = {}
     for entry in files:
         inside = entry.rglob("*") if entry.is_dir() else (entry,)

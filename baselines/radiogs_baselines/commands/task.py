@@ -34,7 +34,7 @@ class Task:
     order: str
     """Digest of everything that decides the command's result."""
     arguments: Callable[[bool], Sequence[str]]
-    """Returns the program and its arguments; the parameter says whether it continues an interrupted run."""
+    """Returns the program and its arguments; parameter: whether it continues an interrupted run."""
     wrote: Callable[[], Listing]
     """Lists the files that the command has written; raises an error if one is missing."""
     light: str = ""

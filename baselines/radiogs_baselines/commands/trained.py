@@ -57,11 +57,11 @@ class PreparedCommand:
 
     @property
     def default(self) -> frozenset[str]:
-        """Names of all maps, because all of them are files already."""
+        """Names of all maps, which exist as files."""
         return frozenset(self.offers)
 
     def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of the view with that camera. Raises DataError if no view has it, or if a file is damaged."""
+        """The maps of the view with this camera. Raises DataError if no view has it, or if a file is damaged."""
         for view, found in self.views:
             if same_camera(view.camera, camera):
                 coverage = view.read("alpha") if view.has("alpha") else torch.ones(camera.height, camera.width, 1)
@@ -87,7 +87,7 @@ class TrainedCommand:
 
     @property
     def light(self) -> EnvironmentMap | None:
-        """The recovered light; None before the test views are rendered, or if the layout has no file of it."""
+        """The recovered light; None before the test views are rendered, or if the layout does not store it."""
         found = self._found()
         return None if found is None else found.read_light()
 
@@ -138,7 +138,7 @@ class TrainedCommand:
         """Run the command that renders the test views, or relights them, unless it has been run.
 
         ``albedo_scale`` is ignored: public codes scale albedo themselves, if at all. Raises CommandFailed; DataError
-        for a light that is not one of the scene's; NotOffered if the method has no command that relights.
+        for a light outside the scene; NotOffered if the method has no command that relights.
         """
         if light is None:
             if (rendering := self.workspace.file.render) is not None:
@@ -216,8 +216,8 @@ class TrainedCommand:
     def _lit_views(self) -> dict[str, list[Scene]]:
         """For each light, scenes whose test views are the views under that light.
 
-        If a test view exists under the light, all test views are kept, because files are numbered by them. Views of the
-        object in other surroundings (``Scene.relight``) have one light each, and their files are named by the view.
+        If any test view exists under the light, all are kept, because they number the files. Views of the object in
+        other surroundings (``Scene.relight``) have one light each, and their files are named by the view.
         """
         scene = self.workspace.run.scene
         lit: dict[str, list[Scene]] = {light: [scene] for light in relightable(scene)}
@@ -229,7 +229,7 @@ class TrainedCommand:
         return lit
 
     def _read(self, scene: Scene | None = None) -> Predictions:
-        """The predictions of a scene's test views; of one with other views than the run's, by their names alone."""
+        """The predictions of a scene's test views; for other views than the run's, found by name alone."""
         own = self.workspace.run.scene
         return read_predictions(
             self.workspace.results, scene or own, self.workspace.file.reader, numbered=scene is None or scene is own
@@ -268,7 +268,7 @@ def _inspect(files: Sequence[Found]) -> None:
 
 
 def _require_none(missing: Sequence[str], unread: Sequence[str] = ()) -> None:
-    """Raise CommandFailed if any file is missing; the message names files that are there but not read."""
+    """Raise CommandFailed if any file is missing; the message names unread files that exist."""
     if missing:
         more = f" and {len(missing) - SHOWN} more" if len(missing) > SHOWN else ""
         beside = f"Files that are not read: {'; '.join(unread[:SHOWN])}." if unread else ""

@@ -69,12 +69,12 @@ class Workspace:
 
     @property
     def output(self) -> Path:
-        """The folder that ``{output}`` stands for."""
+        """The folder that replaces ``{output}``."""
         return self.root / "output"
 
     @property
     def lights(self) -> Path:
-        """The folder that ``{lights}`` stands for."""
+        """The folder that replaces ``{lights}``."""
         return self.root / "lights"
 
     @property

@@ -1,7 +1,7 @@
 """The layouts of the public codes' output folders, as their evaluation scripts write them (see docs/protocols.md).
 
 If a code writes one quantity twice, the reader takes the file from which the code computes its own metrics, unless a
-remark says otherwise.
+remark states otherwise.
 """
 
 from collections.abc import Mapping

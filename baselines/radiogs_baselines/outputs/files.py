@@ -22,7 +22,7 @@ DIGITS = (5, 4, 3, 2, 1, 6, 8)
 """Digits of ``{number}`` that are tried, in this order: public codes of splatting write five."""
 
 ANY = "\0"
-"""Stands in a path for an index with any number of digits."""
+"""Placeholder in a path for an index with any number of digits."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Found:
 
 
 def resolved(folder: Path, path: str) -> str:
-    """The path with each ``*`` replaced by the entry that is last in numerical order; unchanged if there is none."""
+    """The path with each ``*`` replaced by the entry that is last in numerical order; unchanged without an entry."""
     parts = path.split("/")
     for index, part in enumerate(parts):
         if "*" in part:
@@ -61,7 +61,7 @@ def find(folder: Path, rule: Rule, index: int, name: str, light: str = "") -> Fo
 
 
 def _there(file: Path) -> Path | None:
-    """The file, or the only one of its folder whose name differs from it in case alone; None where there is neither."""
+    """The file, or the only one in its folder whose name differs only in case; None if neither exists."""
     if file.is_file() or not file.parent.is_dir():
         return file if file.is_file() else None
     named = [each for each in os.listdir(file.parent) if each.casefold() == file.name.casefold()]

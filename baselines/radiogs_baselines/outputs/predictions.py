@@ -38,7 +38,7 @@ class Predictions:
     relit: Mapping[str, Mapping[str, Found]]
     """Files of relit images, by light and view."""
     light: Path | None
-    """File of the recovered light; None if there is none."""
+    """File of the recovered light; None if the folder has none."""
     missing: tuple[str, ...]
     """Files of single views that are missing, for maps that other views have."""
     absent: tuple[str, ...]
@@ -48,7 +48,7 @@ class Predictions:
     remarks: tuple[str, ...]
     """Sentences on the layout that matter for its scores."""
     ground: Ground | None = None
-    """The ground that was named in place of the layout's; None where none was."""
+    """The ground given in place of the layout's; None if none was given."""
 
     @property
     def files(self) -> dict[str, dict[str, str]]:
@@ -145,9 +145,9 @@ def read_map(
 ) -> Float[Tensor, "height width _"]:
     """A map on black, in the units of ``radiogs_core.scene.scene.MapName`` (normals in the world).
 
-    ``coverage``: true coverage, with which a white ground is removed; that does not change the difference from a truth
-    on white. ``alpha``: predicted coverage, if there is a file of it: normals outside it are zero. Raises DataError for
-    a file that is damaged, has another size than the view, or has too few channels.
+    ``coverage``: true coverage, with which a white ground is removed, which preserves the difference from a truth on
+    white. ``alpha``: predicted coverage, if there is a file of it: normals outside it are zero. Raises DataError for a
+    file that is damaged, has another size than the view, or has too few channels.
     """
     rule = found.rule
     stored = _part(found, _read(found.path), (view.camera.height, view.camera.width))

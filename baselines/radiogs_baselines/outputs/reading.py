@@ -74,7 +74,7 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None, *, num
 
 
 class _Search:
-    """Searches for the files of a scene's views, and records those that are missing."""
+    """Searches for the files of a scene's views, and records missing ones."""
 
     def __init__(self, folder: Path, scene: Scene, *, numbered: bool = True) -> None:
         self.folder, self.scene, self.numbered = folder, scene, numbered

@@ -36,7 +36,7 @@ class Pair:
     target: Path | None
     """File of the target; None if it does not exist."""
     mask: Path | None
-    """File of the target's mask; None if there is none."""
+    """File of the target's mask; None without one."""
     wanted: tuple[str | None, str]
     """Paths of output and target as in the JSON, or relative to the folder of validation images; None for ``null``."""
 

@@ -76,8 +76,8 @@ def encode(
     """The values of a file before they are clipped to [0, 1] and rounded.
 
     This is the inverse of ``predictions.read_map``, for an ``image`` on black with its own coverage ``alpha``. That
-    function removes a white ground with the *true* coverage, so the difference from the truth is that of both on white,
-    which is how such a code compares them.
+    function removes a white ground with the *true* coverage, so the difference from the truth equals the difference of
+    both on white, which such a code measures.
     """
     if rule.encoding == "normal":
         return image / 2 + 0.5

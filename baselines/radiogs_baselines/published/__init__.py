@@ -87,7 +87,7 @@ def published(table: str) -> PublishedTable:
 
 
 def values_beside(key: str | None, columns: Sequence[str]) -> tuple[dict[str, dict[str, float]], str]:
-    """Published values by row and column that stand beside a run with these columns, and the data that they are of.
+    """Published values, by row and column, to print beside a run with these columns, and their data.
 
     Columns that the table lacks are taken from its ``further`` table, whose data may be others. Without a ``key`` there
     are none. Raises UsageError for an unknown key.

@@ -1,4 +1,4 @@
-"""Where the cameras of a rendered .blend file stand."""
+"""Poses of the cameras for a rendered .blend file."""
 
 import math
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ BOX = 1.5
 """Published scenes lie within +-BOX world units, and methods look for surfaces there."""
 
 SMALLEST = 0.2
-"""Largest side of a scene, in world units, below which the published cameras would see hardly any of it."""
+"""Smallest allowed side of a scene, world units: published cameras would see hardly anything of a smaller one."""
 
 FITTED = 3.0
 """Distance of fitted cameras from the middle of a scene's box, in half diagonals: its sphere fills the image."""
@@ -33,7 +33,7 @@ SPLITS = ("train", "test")
 
 @dataclass(frozen=True)
 class Shot:
-    """One view to be rendered; ``number`` counts all views of the scene, and ``distance`` is to what is looked at."""
+    """One view to be rendered; ``number`` counts all views of the scene; ``distance``: to its target."""
 
     name: str
     split: str
@@ -51,8 +51,8 @@ def shots(request: Request, low: list[float], high: list[float]) -> list[Shot]:
     """The views of a request for a file whose surfaces lie between two corners.
 
     Published cameras lie evenly on the upper hemisphere of radius RADIUS about the origin, as NeRF-synthetic's do;
-    fitted ones on the like about the middle of the box. Raises DataError for a scene that the published ones do not
-    see as they should, and for cameras of a file that are no square pinholes.
+    fitted cameras lie on such a hemisphere about the middle of the box. Raises DataError for a scene that does not fit
+    the published cameras, and for cameras of a file that are not square pinholes.
     """
     files = request.camera_files()
     if files:

@@ -1,4 +1,4 @@
-"""A process with Blender in it (``in_blender``): asked by lines of JSON, one task at a time."""
+"""A process that runs Blender (``in_blender``): it answers lines of JSON, one task at a time."""
 
 import json
 import os
@@ -23,7 +23,7 @@ SERVE = "import sys; sys.path.insert(0, sys.argv[1]); from in_blender.worker imp
 
 
 def blender_python() -> str:
-    """The Python that is asked for Blender."""
+    """The Python that runs Blender."""
     return os.environ.get(PYTHON_VARIABLE) or sys.executable
 
 
@@ -36,7 +36,7 @@ def environment() -> dict[str, str]:
 
 
 def require_blender() -> None:
-    """Raise UsageError, saying what to install, unless ``import bpy`` works in a process of its own."""
+    """Raise UsageError, with how to install it, unless ``import bpy`` works in a separate process."""
     reason = blender_failure()
     if reason is not None:
         raise UsageError(

@@ -18,12 +18,12 @@ SCHEMA = 1
 class Request:
     """A .blend file, and how it is rendered.
 
-    ``cameras``: "published", "fit" (``cameras``), or a folder with transforms files; ``train`` and ``test`` count the
-    views of the first two. ``size``: pixels a side; ``samples`` a pixel, ``test_samples`` in test views (0: as many);
-    ``bounces`` after the first surface. ``lights``: a folder of .hdr and .exr maps (lat-long, Z up, linear), of which
-    ``training_light`` (a file's name without its ending; None: "training", or else the first in order) lights the
-    training views, and the others the relit ones. ``device``: "cpu" or "cuda". ``keep_passes``: whether test views keep
-    what Cycles wrote, every pass of it.
+    ``cameras``: "published", "fit" (``cameras``), or a folder with transforms files; ``train`` and ``test``: numbers of
+    views of published and fitted cameras. ``size``: pixels a side; ``samples`` a pixel, ``test_samples`` in test views
+    (0: as many); ``bounces`` after the first surface. ``lights``: a folder of .hdr and .exr maps (lat-long, Z up,
+    linear), of which ``training_light`` (a file's name without its ending; None: "training", or else the first in
+    order) lights the training views, and the others the relit ones. ``device``: "cpu" or "cuda". ``keep_passes``:
+    whether every pass that Cycles wrote of the test views is kept.
     """
 
     file: Path
@@ -42,8 +42,8 @@ class Request:
 
     @cached_property
     def light_files(self) -> Mapping[str, Path]:
-        """The maps by name, the training light's first. Raises UsageError for a folder without maps, or two of a name,
-        or without the training light.
+        """The maps by name, the training light's first. Raises UsageError for a folder without maps, or two maps with
+        the same name, or without the training light.
         """
         found: dict[str, Path] = {}
         for path in sorted(self.lights.iterdir() if self.lights.is_dir() else []):
@@ -67,7 +67,7 @@ class Request:
         return {first: found[first], **{name: path for name, path in found.items() if name != first}}
 
     def identity(self) -> dict[str, object]:
-        """Everything that the pictures depend on: two requests with one identity make one scene."""
+        """Everything that affects the pictures: two requests with equal identities make the same scene."""
         return {
             "schema": SCHEMA,
             **{name: value for name, value in asdict(self).items() if name not in ("file", "lights", "cameras")},

@@ -40,7 +40,7 @@ Progress = Callable[[int, int], None]
 
 
 def write_scene(request: Request, folder: Path, workers: int, threads: int, progress: Progress) -> Metadata:
-    """Render a request into ``folder``, absent or empty; returns what stands in its ``metadata.json``.
+    """Render a request into ``folder``, absent or empty; returns the content of its ``metadata.json``.
 
     ``workers`` processes with ``threads`` threads each. ``progress(done, total)`` is called after each view.
     Raises UsageError where Blender is not installed or the folder was begun for another request, DataError for a file
@@ -95,7 +95,7 @@ def write_scene(request: Request, folder: Path, workers: int, threads: int, prog
 
 
 def _begin(request: Request, folder: Path, state: Path) -> None:
-    """Make the place, or find it as it was left. Raises UsageError if it is not ours or has another request's views."""
+    """Make the unfinished folder, or continue it. Raises UsageError for another folder, or views of another request."""
     require_own_folders(folder.parent, state.parent.name, f"{state.parent.name}/{state.name}")
     if not state.is_dir():
         require_new(state.parent)
@@ -132,7 +132,7 @@ def write_lights(request: Request, folder: Path, state: Path) -> dict[str, Path]
 
 
 def write_view(studio: Studio, shot: Shot, folder: Path, state: Path) -> None:
-    """Render one view into ``folder / shot.name``, which appears when it is complete; measures of it go to ``state``.
+    """Render one view into ``folder / shot.name``, which appears when complete; its measures are added to ``state``.
 
     A training view has its image alone; a test view every map, and one image for each other light.
     """
@@ -158,7 +158,7 @@ def write_view(studio: Studio, shot: Shot, folder: Path, state: Path) -> None:
 
 
 def measures(maps: Maps) -> dict[str, float | dict[str, float]]:
-    """Sums over a view: of radiance, of its indirect part, and of what each feature's surfaces send."""
+    """Sums over a view: its radiance, the indirect part, and the radiance of surfaces with each feature."""
     sent = maps.image.sum(-1, keepdims=True, dtype=np.float64)
     return {
         "covered": float((maps.alpha > 0).mean()),
@@ -170,7 +170,7 @@ def measures(maps: Maps) -> dict[str, float | dict[str, float]]:
 
 
 NOISY = ("image", "direct", "indirect", "incident_indirect", "albedo", "normal", "depth")
-"""Maps whose noise floor is told."""
+"""Maps whose noise floor the metadata state."""
 
 SMALLEST_SHARE = 1e-4
 """Share of a view's energy below which a feature is not reported."""

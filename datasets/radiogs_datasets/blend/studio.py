@@ -1,4 +1,4 @@
-"""Taking pictures of the open file with one of Blender's processes, and lights as Blender reads them."""
+"""Renders pictures of the open file with one of Blender's processes, and writes lights for Blender."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ SEEDS = 2**31 - 1
 """Cycles' seeds are non-negative 32-bit integers."""
 
 OTHER_SEED = 1_000_003
-"""Added to the number of a picture for the second of two whose difference is noise."""
+"""Added to a picture's number for a second picture with other noise: their difference measures the noise."""
 
 
 @dataclass(frozen=True)
 class Studio:
-    """A process with the file open, the lights by role as files, and where a picture is put before it is read.
+    """A process with the file open, the lights by role as files, and the file that receives each picture.
 
-    passes: a folder for the pictures of test views, whole; None where they are not kept.
+    passes: a folder for all passes of test views; None if they are not kept.
     """
 
     blender: Blender
@@ -73,10 +73,10 @@ ROWS = 480
 
 
 def refined(light: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The map at an odd multiple of its size, at least ROWS rows: bilinear lookup of it is that of the map itself.
+    """The map at an odd multiple of its size, at least ROWS rows, with the same bilinear lookup as the map itself.
 
-    By an odd factor every texel's middle stays one, so that the refined map bends where the map does. Columns wrap;
-    rows end at the poles.
+    With an odd factor the texels' centres stay centres, so that both lookups have the same kinks. Columns wrap; rows
+    end at the poles.
     """
     factor = max(1, -(-ROWS // light.shape[0]))
     factor += 1 - factor % 2

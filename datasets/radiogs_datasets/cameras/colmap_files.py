@@ -1,7 +1,7 @@
-"""COLMAP's sparse models from their folders: binary files, and text files where those are not all there.
+"""COLMAP's sparse models from their folders: binary files, or text files if a binary file is missing.
 
 ``cameras``, ``images`` and ``points3D``, as ``.bin`` (little-endian, COLMAP's ``reconstruction_io``) or as ``.txt``. In
-binary files every count is held against the bytes that are left before anything is made of it.
+binary files every count is checked against the remaining bytes before it is used.
 """
 
 import math
@@ -28,7 +28,7 @@ COUNTED = re.compile(r"#\s*Number of (?:cameras|images):\s*(\d+)")
 
 
 def models_in(folder: Path) -> list[Path]:
-    """The folders of a scene's sparse models: those of ``FOLDERS`` first, then the mapper's others (sparse/1, ...)."""
+    """The folders of a scene's sparse models: the ones of ``FOLDERS``, then the mapper's others (sparse/1, ...)."""
     room = folder / "sparse"
     others = sorted(place for place in room.iterdir() if place.is_dir()) if room.is_dir() else []
     places = dict.fromkeys([*(folder / place for place in FOLDERS), *others])
@@ -36,10 +36,10 @@ def models_in(folder: Path) -> list[Path]:
 
 
 def chosen_model(folder: Path) -> tuple[Path | None, tuple[str, ...]]:
-    """The folder of the model with the most photos, and sentences on the models and files that are not used.
+    """The folder of the model with the most photos, and sentences on unused models and files.
 
-    None where there is no model. COLMAP makes several where it could not join all photos, and the first need not be the
-    largest. Raises DataError where the first cannot be read; of the others it is said.
+    None without a model. COLMAP makes several models if it could not join all photos, and the first need not be the
+    largest. Raises DataError if the first cannot be read; for others a sentence tells it.
     """
     places, sizes, said = models_in(folder), dict[Path, int](), []
     named = {place: place.relative_to(folder).as_posix() for place in places}
@@ -62,7 +62,7 @@ def chosen_model(folder: Path) -> tuple[Path | None, tuple[str, ...]]:
 
 
 def _text_beside(place: Path, named: str) -> tuple[str, ...]:
-    """A sentence on text files beside the binary ones that are read, and whether they list the same poses."""
+    """A sentence on unused text files beside the binary ones, and whether they list the same poses."""
     names = [f"{part}.txt" for part in PARTS if (place / f"{part}.txt").is_file()]
     images = files_of(place)[1]
     if not names or images.suffix == ".txt":
@@ -84,10 +84,10 @@ def _text_beside(place: Path, named: str) -> tuple[str, ...]:
 
 
 def files_of(folder: Path) -> tuple[Path, ...]:
-    """Cameras, images and, where there is a file of them, points. Raises DataError.
+    """Files of cameras, images and, if it exists, points. Raises DataError.
 
-    Binary files go before text, and kinds with all three files before others. Points only say where surfels start, so
-    they may be absent, of the other kind or a PLY file.
+    Binary files take precedence over text, and formats with all three files over others. Points are only used to start
+    surfels, so they may be absent, in the other format or a PLY file.
     """
     found = []
     for end in ("bin", "txt"):
@@ -105,7 +105,7 @@ def files_of(folder: Path) -> tuple[Path, ...]:
 
 
 def read_model(folder: Path) -> SparseModel:
-    """Read and check a model; which photo saw which point, and points in PLY, are left out. Raises DataError."""
+    """Read and check a model, without tracks of points and without points in PLY. Raises DataError."""
     cameras, images, *points = files_of(folder)
     rows: Iterable[tuple[float, ...]] = ()
     if points and points[0].suffix != ".ply":
@@ -228,7 +228,7 @@ LARGEST_NUMBER = 1 << 63
 
 
 def _text_images(path: Path) -> Iterator[StoredImage]:
-    """Photos in the file's order. Raises DataError where the second line of one is no list of features."""
+    """Photos in the file's order. Raises DataError if the second line of one is not a list of features."""
     lines, place = _text(path).split("\n"), 0
     while place < len(lines):
         line = lines[place].strip()
@@ -246,7 +246,7 @@ def _text_images(path: Path) -> Iterator[StoredImage]:
 
 
 def _features(line: str) -> bool:
-    """Whether a line holds triples x, y, number of a point, or nothing; the first and the last triple are looked at."""
+    """Whether a line is empty or holds triples (x, y, point number); only the first and last are checked."""
     words = line.split()
     try:
         return len(words) % 3 == 0 and all(map(math.isfinite, map(float, (*words[:3], *words[-3:]))))
@@ -255,7 +255,7 @@ def _features(line: str) -> bool:
 
 
 def _require_counted(path: Path, found: int) -> None:
-    """Raise DataError where a text file's own comment counts other than what it lists."""
+    """Raise DataError if the count in a text file's own comment differs from its number of entries."""
     said = COUNTED.search(_text(path)) if path.suffix == ".txt" else None
     if said is not None and int(said[1]) != found:
         raise DataError(
@@ -292,7 +292,7 @@ def _whole(text: str) -> int:
 
 
 def _records(path: Path, parse: Callable[[str], Read]) -> Iterator[Read]:
-    """The content of each line that is neither empty nor a comment."""
+    """The fields of each line that is neither empty nor a comment."""
     for place, line in enumerate(_text(path).split("\n"), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             yield _parsed(path, place, line.strip(), parse)

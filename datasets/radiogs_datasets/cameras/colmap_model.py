@@ -76,7 +76,7 @@ def wrong(path: Path, what: str) -> DataError:
 
 
 def unsupported(path: Path, number: int, model: str) -> DataError:
-    """The error for a camera whose distortion OpenCV has no formula for."""
+    """The error for a camera with a distortion for which OpenCV has no formula."""
     return DataError(
         f"{path}: camera {number} is of model {model}",
         f"Undistorted on reading are: {', '.join(PARAMETERS)}.",
@@ -85,7 +85,7 @@ def unsupported(path: Path, number: int, model: str) -> DataError:
 
 
 def require_sound(folder: Path, model: SparseModel) -> None:
-    """Raises DataError for photos listed twice or without a camera, and for motions and points that are none."""
+    """Raises DataError for photos listed twice or without a camera, and for invalid motions and points."""
     seen: set[str] = set()
     for image in model.images:
         if image.name in seen:

@@ -35,7 +35,7 @@ PARAMETERS: Mapping[str, tuple[str, ...]] = {
 """COLMAP's camera models that OpenCV can undistort; parameters in COLMAP's order (its ``sensor/models.h``)."""
 
 LARGEST_COEFFICIENT = 1e6
-"""Above it a coefficient is damage: those of real lenses are below a hundred."""
+"""Coefficients above this value are taken for damage: real lenses have coefficients below a hundred."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Lens:
 
     Focal lengths and principal point are in pixels, whose centres lie at +0.5. ``coefficients`` are those of OpenCV's
     model, in its order, for normalised coordinates (x / z, y / z): "perspective" is its polynomial or rational model
-    with tangential terms, "fisheye" its equidistant one. Raises ValueError for values that no lens has.
+    with tangential terms, "fisheye" its equidistant one. Raises ValueError for impossible values.
     """
 
     fx: float
@@ -91,7 +91,7 @@ class Lens:
 
     @property
     def oblong(self) -> float:
-        """The longer side of its pixels over the shorter one, by the focal lengths."""
+        """Ratio of the longer to the shorter side of its pixels, from the focal lengths."""
         return max(self.fx, self.fy) / min(self.fx, self.fy)
 
 
@@ -108,11 +108,11 @@ def at_size(given: Sized, height: int, width: int) -> Sized:
 
 
 SIZE_TOLERANCE = 1.0
-"""Pixels by which a reduced image may be off the shape of the whole one: sizes are rounded."""
+"""Pixels by which a reduced image's sides may deviate from the whole image's proportions: sizes are rounded."""
 
 
 def is_reduction(size: tuple[int, ...], whole: tuple[int, ...]) -> bool:
-    """Whether an image of ``size`` (height, width) has the shape of the ``whole`` one, and is no larger."""
+    """Whether an image of ``size`` (height, width) has the proportions of the ``whole`` one, and is no larger."""
     scale = size[1] / whole[1]
     return max(scale, size[0] / whole[0]) <= 1 and abs(whole[0] * scale - size[0]) <= SIZE_TOLERANCE
 
@@ -132,5 +132,5 @@ def lens_of(model: str, parameters: Sequence[float], width: int, height: int) ->
 
 
 def coefficients_of(projection: Projection, named: Mapping[str, float]) -> tuple[float, ...]:
-    """Coefficients by name in OpenCV's order; those that are not named are zero."""
+    """Coefficients by name, in OpenCV's order; missing ones are zero."""
     return tuple(float(named.get(name, 0.0)) for name in ORDER[projection])

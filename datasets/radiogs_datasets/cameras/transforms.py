@@ -36,18 +36,18 @@ SPLITS = ("train_filenames", "val_filenames", "test_filenames")
 NO_VIEWS = "It lists the views of a scene, with their cameras."
 
 RIGID_TOLERANCE = 1e-3
-"""How far R R^T may be from the identity: matrices are often printed with four digits."""
+"""Largest deviation of R R^T from the identity: matrices are often printed with four digits."""
 
 DEPTH_UNIT = 1e-3
-"""World units of a level of a depth map where the file does not say: nerfstudio's millimetres."""
+"""World units per level of a depth map if the file does not state it: nerfstudio's millimetres."""
 
 
 @dataclass(frozen=True)
 class Frame:
     """The entry of one view in the file.
 
-    ``camera_to_world`` has OpenCV axes, float32; ``lens`` is that of an image of (height, width). ``mask_path`` and
-    ``depth_path`` are as written, None where there is none.
+    ``camera_to_world`` has OpenCV axes, float32; ``lens``: the lens for an image of (height, width). ``mask_path`` and
+    ``depth_path``: as written, or None.
     """
 
     file_path: str
@@ -62,8 +62,8 @@ class Transforms:
     """All views of a file, in its order.
 
     ``depth_unit``: world units of a level of a depth map; ``points_path``: a PLY file of sparse points in the world of
-    the poses; ``splits``: lists of images by their fields (``SPLITS``); ``masks``: what black means in masks,
-    "object" or "ignore", where the file says it; ``said``: what of the file is not used.
+    the poses; ``splits``: lists of images by their fields (``SPLITS``); ``masks``: the meaning of black in masks,
+    "object" or "ignore", if the file states it; ``said``: sentences on unused parts of the file.
     """
 
     frames: tuple[Frame, ...]
@@ -76,7 +76,7 @@ class Transforms:
     def camera(self, frame: Frame, height: int, width: int) -> Camera:
         """The pinhole camera of a frame whose image has this size.
 
-        Raises DataError for a size that its lens does not know, and for a lens that distorts.
+        Raises DataError for a size that contradicts its lens, and for a lens that distorts.
         """
         lens = frame.lens(height, width)
         if not lens.pinhole:
@@ -89,7 +89,7 @@ class Transforms:
 
 
 def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transforms:
-    """Read and check the file, or ``content`` as if it stood there. Raises DataError that names file, frame, field."""
+    """Read and check the file, or ``content`` in its place. Raises DataError that names file, frame and field."""
     notes: list[str] = []
     note = notes.append
     table = read_json(path) if content is None else content
@@ -137,14 +137,14 @@ def read_splits(folder: Path) -> dict[Path, Transforms]:
 
 
 def said_of_files(files: Mapping[Path, Transforms]) -> tuple[str, ...]:
-    """Sentences on what of each file is not used."""
+    """Sentences on the unused parts of each file."""
     return tuple(f"{table.name}: {said}" for table, each in files.items() for said in each.said)
 
 
 def _without_scale(frames: list[object], note: Note) -> list[object]:
-    """The frames with rigid poses where one factor is common to the rotations of all, or to all of each matrix.
+    """The frames with rigid poses, if all rotations (or whole matrices) share one scale factor.
 
-    A pose that turns and scales places the same camera at the same place: depths along its rays alone would change.
+    Such a scale changes neither a camera nor its place, only depths along its rays.
     """
     given = [frame.get("transform_matrix") if isinstance(frame, dict) else None for frame in frames]
     matrices = [_numbers_of(rows) for rows in given]
@@ -178,7 +178,7 @@ def _names(path: Path, table: dict[str, Any], field_name: str) -> tuple[str, ...
 
 
 def _path(what: str, fields: dict[str, Any], *names: str) -> str | None:
-    """The first of some fields that is there, as a path."""
+    """The first of some fields that exists, as a path."""
     name = next((name for name in names if fields.get(name) is not None), None)
     value = None if name is None else fields[name]
     if value is not None and (not isinstance(value, str) or not value or "\0" in value):

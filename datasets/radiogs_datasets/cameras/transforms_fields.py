@@ -1,11 +1,11 @@
-"""The fields of a ``transforms*.json``: the lens that they describe, and what becomes of those that are not read.
+"""The fields of a ``transforms*.json``: the lens that they describe, and the handling of unknown fields.
 
 A lens, for the whole file or for one frame, is either one angle of view, or focal lengths and a principal point in
 pixels; with the distortion that instant-ngp and nerfstudio write (k1, k2, k3, p1, p2 as OpenCV has them; k1 to k4 of
 its fisheye model).
 
-A field that is not read could still change what is seen: a lens, a crop, a mirrored axis. So those that do are refused
-by name when they are set; those known to be harmless are passed over; any other is listed among the scene's repairs.
+A field that is not read could still change the image: a lens, a crop, a mirrored axis. So fields known to do this are
+refused by name when set; fields known to be harmless are skipped; any other is listed among the scene's repairs.
 """
 
 import math
@@ -37,7 +37,7 @@ ANGLES = ("camera_angle_x", "camera_angle_y", "fovx", "fovy")
 """Angles of view: in radians, and as instant-ngp's script writes them for each of several cameras, in degrees."""
 
 FIELDS = frozenset({*SIZE, *PIXELS, *COEFFICIENTS, *OTHER_LENSES, *ANGLES, "camera_model", "is_fisheye"})
-"""Fields of a lens: those of a frame take the place of the file's."""
+"""Fields of a lens; a frame's fields override the file's."""
 
 OTHER_NAMES = {"fx": "fl_x", "fy": "fl_y", "c_x": "cx", "c_y": "cy", "width": "w", "height": "h"}
 """Names that other codes give to fields of a lens."""
@@ -52,10 +52,10 @@ OTHER_FOCAL = 0.02
 """Share by which angles of view may contradict focal lengths: some writers ignore distortion, or round the size."""
 
 LensOfSize = Callable[[int, int], Lens]
-"""The lens for an image of so many rows and columns; raises DataError for a size that it does not know."""
+"""The lens for an image of so many rows and columns; raises DataError for an inconsistent size."""
 
 Note = Callable[[str], object]
-"""Takes a sentence on what was read in another way than it is written."""
+"""Receives a sentence on a value that was read otherwise than it is written."""
 
 
 def wrong_field(what: str, name: str, value: object, why: str, remedy: str = "Correct the file.") -> DataError:
@@ -64,7 +64,7 @@ def wrong_field(what: str, name: str, value: object, why: str, remedy: str = "Co
 
 
 def with_known_names(fields: Mapping[str, Any], note: Note) -> dict[str, Any]:
-    """The fields by the names of instant-ngp and nerfstudio where they have others' (``OTHER_NAMES``)."""
+    """The fields renamed to the names of instant-ngp and nerfstudio (``OTHER_NAMES``)."""
     renamed = {name: ours for name, ours in OTHER_NAMES.items() if name in fields and ours not in fields}
     if renamed:
         note(f"{', '.join(renamed)} are read as {', '.join(renamed.values())}")
@@ -74,7 +74,7 @@ def with_known_names(fields: Mapping[str, Any], note: Note) -> dict[str, Any]:
 
 
 def lens_of_fields(what: str, fields: Mapping[str, Any], note: Note) -> LensOfSize:
-    """The lens of a file or frame; ``what`` names it in errors, ``note`` is told what is assumed. Raises DataError."""
+    """The lens of a file or frame; ``what``: its name in errors, ``note`` receives assumptions. Raises DataError."""
     refused = [name for name in OTHER_LENSES if is_set(fields.get(name))]
     if refused:
         raise DataError(
@@ -91,7 +91,7 @@ def lens_of_fields(what: str, fields: Mapping[str, Any], note: Note) -> LensOfSi
 
 
 def finite(value: object) -> float:
-    """A number of a JSON file as a float; NaN for what is none, or too large for one."""
+    """A number of a JSON file as a float; NaN for any other value, or a number too large for a float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return math.nan
     try:
@@ -101,7 +101,7 @@ def finite(value: object) -> float:
 
 
 def _in_radians(what: str, fields: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The fields with the angles in degrees as angles in radians. Raises DataError where it could be either."""
+    """The fields with angles in degrees converted to radians. Raises DataError if the unit is ambiguous."""
     if fields.get("camera_angle_x") is not None or not any(is_set(fields.get(name)) for name in ANGLES[2:]):
         return fields
     angles = {}
@@ -159,7 +159,7 @@ def _of_pixels(
 ) -> LensOfSize:
     """The lens in pixels of an image of one size, or of the images' size if none is given.
 
-    A reduced image has the lens of its size; one of another shape, or larger, is refused.
+    A reduced image gets a scaled lens; an image of other proportions, or a larger one, is refused.
     """
     given = {name: finite(fields[name]) for name in (*PIXELS, *SIZE) if fields.get(name) is not None}
     given.setdefault("fl_y", given.get("fl_x", math.nan))
@@ -185,7 +185,7 @@ def _of_pixels(
 
 
 def _require_pixels(what: str, fields: Mapping[str, Any], given: Mapping[str, float]) -> None:
-    """Raise DataError for focal lengths, principal points and sizes that no image has."""
+    """Raise DataError for impossible focal lengths, principal points and sizes."""
     try:
         if not all(math.isfinite(value) for value in given.values()):
             raise ValueError("one is none")
@@ -203,7 +203,7 @@ def _require_pixels(what: str, fields: Mapping[str, Any], given: Mapping[str, fl
 
 
 def _other_angles(fields: Mapping[str, Any], stored: Lens) -> Iterator[str]:
-    """A sentence for each angle of view that says something else than the focal length beside it, which is taken."""
+    """A sentence for each angle of view that contradicts the focal length beside it, which is used."""
     sides = ((stored.fx, stored.width), (stored.fy, stored.height)) * 2
     for name, (focal, side), field in zip(ANGLES, sides, PIXELS[:2] * 2, strict=True):
         if not is_set(fields.get(name)):
@@ -218,7 +218,7 @@ def _other_angles(fields: Mapping[str, Any], stored: Lens) -> Iterator[str]:
 
 
 def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple[float, ...]]:
-    """The projection and OpenCV's coefficients. Raises DataError for what is no number, or not of the model."""
+    """The projection and OpenCV's coefficients. Raises DataError for text, or coefficients of another model."""
     named = {name: finite(fields[name]) for name in COEFFICIENTS if fields.get(name) is not None}
     broken = [name for name, value in named.items() if not math.isfinite(value)]
     if broken:
@@ -247,7 +247,7 @@ def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple
 
 
 def is_set(value: object) -> bool:
-    """Whether a field says anything but nothing, zero and false; lists of zeros say nothing."""
+    """Whether a field has a value other than null, zero, false, empty or lists of zeros."""
     return any(map(is_set, value)) if isinstance(value, list) else bool(value)
 
 
@@ -276,10 +276,10 @@ HARMLESS_NAMES = re.compile(
     r"|\w+_(id|ids|idx|uid|uuid|label)|(motion_)?blur(riness|_score)?|iso|aperture|f_?number|serial(_number)?",
     re.IGNORECASE,
 )
-"""Names of fields that say where a photo comes from, or how it is called: they change nothing that is seen."""
+"""Names of fields on a photo's origin or name, which do not affect the image."""
 
 SAME_CONVENTION = frozenset({"opengl", "blender", "nerf", "nerfstudio", "instant-ngp", "ngp"})
-"""Values of fields on conventions that say what is read anyway: OpenGL's camera-to-world."""
+"""Values of fields on conventions that agree with how files are read: OpenGL's camera-to-world."""
 
 CONVENTION = re.compile(r".*(convention|coordinate_?(system|frame)).*", re.IGNORECASE)
 
@@ -290,16 +290,15 @@ CHANGES_IMAGES = re.compile(
     r"|transparent|mask|sharpen|pixel_aspect|downscale|resolution|hdr|time|light|matrix|transform|translation|pose).*)",
     re.IGNORECASE,
 )
-"""Names of fields that say how an image came about, or where from; ``time`` and ``light`` that it is another scene.
+"""Names of fields on how an image was made or cut out; ``time`` and ``light`` mean another scene.
 
-How fast the camera moved, and how long it exposed, says nothing of the image that it took."""
+Speed of the camera and exposure time are left out: they do not describe the image."""
 
 
 def said_of_fields(what: str, table: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """A sentence on fields that are not known and not read. Raises DataError for those that could change an image.
+    """A sentence on fields that are not known and not read. Raises DataError for fields that could change an image.
 
-    ``what`` names the file. A field of all frames with one and the same value of nothing (null, false, zero, empty)
-    says nothing.
+    ``what`` names the file. A field that has the same empty value (null, false, zero, empty) in all frames is ignored.
     """
     pairs = [(name, value) for holder in (table, *frames) for name, value in holder.items() if is_set(value)]
     # A field that states the usual convention in words is as good as none.

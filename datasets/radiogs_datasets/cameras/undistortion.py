@@ -1,9 +1,9 @@
 """Undoes the distortion of photos, by OpenCV: the image that a pinhole camera in the same place would take.
 
 The pinhole camera keeps the focal lengths, so that a pixel in the middle stays a pixel. Its image grows where the lens
-has drawn a wide view together, and is cut to a rectangle all of whose pixels the photo shows, as that of COLMAP's
+has compressed a wide view, and is cut to a rectangle that the photo shows completely, as by COLMAP's
 ``image_undistorter`` without blank pixels. A border without a source would have to be marked as uncovered, which in a
-scene means that nothing is there.
+scene means empty space.
 """
 
 from dataclasses import dataclass
@@ -30,10 +30,10 @@ BORDER = 1e-2
 """Pixels by which a source may lie outside the photo's outermost pixel centres: float32 places."""
 
 LARGEST_SCALE = 2.0
-"""Sides of the pinhole image over those of the photo, at most; COLMAP's bound."""
+"""Largest ratio of the pinhole image's sides to the photo's; COLMAP's bound."""
 
 SMALLEST_SIDE = 8
-"""Pixels a side below which what is left is no image."""
+"""Pixels a side below which the remaining rectangle is useless."""
 
 
 @dataclass(frozen=True)
@@ -154,10 +154,10 @@ def _sources(lens: Lens, canvas: Canvas, step: int = 1) -> tuple[NDArray[np.floa
 def _unfolded(
     across: float, down: float, column: NDArray[np.float32], row: NDArray[np.float32]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
-    """Where the model is one to one, around the principal point, and how many pixels of the photo one pixel takes.
+    """Where the model is one-to-one around the principal point, and the photo's pixels per pixel.
 
     ``across`` and ``down``: the principal point's place on the grid of sources. A polynomial fitted inside the image
-    turns back outside: those pixels would show a part of the photo once more.
+    turns back outside: pixels there would show a part of the photo again.
     """
     height, width = column.shape
     step = -(-max(width, height) // COARSE)

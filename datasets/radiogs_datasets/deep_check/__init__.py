@@ -1,4 +1,4 @@
-"""The deep checks of a scene: which evidence there is, and in which order it is checked."""
+"""The deep checks of a scene: available evidence, and the order of checks."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -20,13 +20,13 @@ from .silhouettes import silhouettes
 Check = Callable[[Evidence], Iterator[Finding]]
 
 OF_CAMERAS: tuple[Check, ...] = (poses, silhouettes, reprojection, epipolar_agreement)
-"""Checks of cameras, the surest first: a view that one of them has named is not named by the next."""
+"""Checks of cameras, most reliable first: a view that one check has named is not named by the next."""
 
 OF_VALUES: tuple[Check, ...] = (shape_maps, exposure, map_agreement, radiance, recorded_lights)
-"""Checks of images and maps. A wrong camera would mislead them, so they are left out where all cameras are wrong."""
+"""Checks of images and maps. A wrong camera would mislead them, so they are skipped if all cameras are wrong."""
 
 WHOLE_MAPS = {"albedo", "depth", "normal", "roughness"}
-"""Places of findings that concern a map of all test views: what is wrong in all of them is no evidence afterwards."""
+"""Places of findings on a map of all test views: a map that is wrong in all views is not used as evidence."""
 
 
 def short_findings(scene: Scene) -> Iterator[Finding]:

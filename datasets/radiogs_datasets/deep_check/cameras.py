@@ -85,7 +85,7 @@ NEGATED = {
     "x axis negated (handedness)": (-1.0, 1.0, 1.0), "y axis negated (handedness)": (1.0, -1.0, 1.0),
     "z axis negated (handedness)": (1.0, 1.0, -1.0), "x and z axes negated": (-1.0, 1.0, -1.0),
 }  # fmt: skip
-"""Signs of a camera's axes by words for what is wrong with them."""
+"""Words for wrongly negated axes of a camera, each with the signs."""
 
 MIRRORS = {"x": np.diag([-1.0, 1, 1]), "y": np.diag([1.0, -1, 1]), "z": np.diag([1.0, 1, -1])}
 Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -94,7 +94,7 @@ ROUNDS = 8
 """Steps of a search for an amount: a factor is found to some 0.2 %, a shift to 0.1 % of the side."""
 
 MOVED = 0.5
-"""Change of axes, or of the position in distances from the world's origin, from which on a camera stands elsewhere."""
+"""Change of axes, or of position (in distances from the world's origin), from which a camera counts as moved."""
 
 NO_CAUSE = "and no usual mistake explains all of it"
 """The words for a contradiction whose cause is not certain."""
@@ -106,9 +106,9 @@ class Family(NamedTuple):
     says: str
     """Format of its words, with the amount."""
     places: list[int]
-    """Which of the numbers that ``adjusted`` takes the amount is."""
+    """Index of the amount among the numbers that ``adjusted`` takes."""
     starts: Array
-    """[starts, numbers]: the amounts that are tried before the best of them is searched around."""
+    """[starts, numbers]: initial amounts of the search; it continues around the best one."""
     step: float
 
 
@@ -206,26 +206,26 @@ class Fit(NamedTuple):
     """Another reading of cameras or values, and how badly it fits."""
 
     says: str
-    """Words for the reading; empty where it is no mistake that can be named."""
+    """Words for the reading; empty if it is not a known mistake."""
     cost: float
 
     def explains(self, what: str, sound: float) -> str:
-        """Say what contradicts, and the reading as its cause if it leaves no more than a ``sound`` part has."""
+        """Words for a contradiction, with the reading as its cause if it leaves no more than a ``sound`` part has."""
         named = self.says and self.cost <= sound
         return f"{what}: {self.says} fits far better" if named else f"{what}, {NO_CAUSE}"
 
 
 def best(tried: Iterable[tuple[str, float]]) -> Fit:
-    """The reading with the least cost, the first one of equal ones; an infinite cost where none was tried."""
+    """The reading with the least cost, the first of equal ones; an infinite cost without any reading."""
     return min((Fit(*each) for each in tried), key=lambda fit: fit.cost, default=Fit("", np.inf))
 
 
 def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]] | None = None) -> tuple[Fit, Cameras]:
-    """The reading with the least cost, or the first of those that are nearly as good (within 15 %), and its cameras.
+    """The reading with the least cost, or the first reading within 15 % of it, and its cameras.
 
-    ``others``: names and cameras of other views, which may belong to a single view's image; None for the cameras of
-    all views at once. Where a single camera stands so that another convention hardly moves it, any small error of its
-    pose looks like that convention: the reading has no name.
+    ``others``: names and cameras of other views, which may belong to a single view's image; None for the cameras of all
+    views at once. If another convention hardly moves a single camera, any small error of its pose looks like this
+    convention: then the reading has no name.
     """
     whole, recorded, reach = others is None, cost(own), np.linalg.norm(own.centre, axis=1).max()
     tried = []
@@ -245,7 +245,7 @@ def best_reading(own: Cameras, cost: Cost, others: Sequence[tuple[str, Cameras]]
 def searched(cost: Callable[[Array], float], starts: Array, step: float, worth: float = np.inf) -> tuple[Array, float]:
     """The amount [numbers] of least cost, and the cost: steps from the best start, halved where none is better.
 
-    A best start that costs more than ``worth`` is not searched around.
+    There is no search around a best start that costs more than ``worth``.
     """
     left, place = min((cost(start), place) for place, start in enumerate(starts))
     amount = starts[place]

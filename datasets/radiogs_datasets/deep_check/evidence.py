@@ -1,7 +1,7 @@
 """The evidence of a scene at reduced size: images and outlines of its views, and the true maps of its test views.
 
 Everything is read once. Images are area means with a longer side of at most ``PHOTO_SIDE`` pixels; maps are sampled at
-every n-th pixel, so that those of one pixel belong together.
+every n-th pixel, so that all maps of a pixel belong together.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -30,10 +30,10 @@ PHOTO_SIDE, MAP_SIDE = 480, 128
 """Longest sides of reduced images and of sampled maps, pixels."""
 
 MOST_VIEWS, MOST_TRUE_VIEWS = 300, 16
-"""Views, and test views with maps, that are looked at; of more, evenly spaced ones."""
+"""Most views, and most test views with maps, that are checked; more are thinned out evenly."""
 
 JUMP = 0.02
-"""Change of depth to the next pixels, in depths, from which on a pixel may lie at an edge."""
+"""Relative change of depth between neighbouring pixels above which a pixel may lie at an edge."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Look:
     image: Bytes
     """Display sRGB [height, width, 3], as area means of stored values."""
     alpha: Bytes | None
-    """Coverage [height, width]; None where the view has none."""
+    """Coverage [height, width]; None for a view without coverage."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Truth:
 
     @cached_property
     def seen_by(self) -> Cameras:
-        """The camera alone."""
+        """The camera, without maps."""
         return stacked([self.camera])
 
     @cached_property
@@ -139,7 +139,7 @@ class Evidence:
 
 
 def gather(scene: Scene, advance: Advance = lambda done, total: None, maps: bool = True) -> Evidence:
-    """Read a scene's views at reduced size, and, unless told otherwise, their maps. Raises DataError for damage."""
+    """Read a scene's views at reduced size, and by default their maps. Raises DataError for damage."""
     views = [(view, True) for view in scene.train] + [(view, False) for view in scene.test]
     chosen = evenly(views, MOST_VIEWS)
     mapped = evenly([view for view in scene.test if maps and len(view.sources) > 2], MOST_TRUE_VIEWS)

@@ -14,7 +14,7 @@ from .matches import matched
 from .surface import at_points, sampled, seen, surface_of
 
 FEWEST, FEWEST_VIEWS = 25, 4
-"""Points of a view, and views, below which nothing is said."""
+"""Points of a view, and views, below which no finding is made."""
 
 USUAL_SPREAD, VARIED = 0.03, 0.12
 """Spreads of gains over views, natural logarithm: what shading and few points explain, and what is too much."""
@@ -24,8 +24,8 @@ ALONE, ALONE_IN_CAPTURES, TIMES = 0.15, 0.8, 6.0
 cameras expose each photo by itself), and its multiple of the spread."""
 
 EXPLAINED, SUSPECT, SOUND = 0.5, 0.03, 1.5
-"""Share of a difference of colours that another reading may leave, the difference below which none is tried, and how
-many times the median difference of all views a view may keep under its cause."""
+"""Share of a difference of colours that another reading may leave, the difference below which no reading is tried, and
+the largest remaining difference under a named cause, in medians over all views."""
 
 WHAT = "its colours contradict those of other views"
 
@@ -98,7 +98,7 @@ def _gains(evidence: Evidence, pairs: dict[int, Pairs], alone: float, sound: flo
 
 
 def _by_surface(evidence: Evidence) -> dict[int, Pairs]:
-    """Colours of each view's points against those of the test view whose depth the point is of."""
+    """Colours of each view's points, and of the same points in the test view whose depth they come from."""
     surface = surface_of(evidence.truths)
     if surface is None:
         return {}
@@ -117,7 +117,7 @@ def _by_surface(evidence: Evidence) -> dict[int, Pairs]:
 
 
 def _by_matches(evidence: Evidence) -> dict[int, Pairs]:
-    """Colours around matched points against those of the views that they match."""
+    """Colours around matched points in each view, and in the views that they match."""
     matches = matched(evidence)
     blurred = [cv2.GaussianBlur(look.image, (0, 0), 1.5) for look in evidence.looks]
     pairs = {}

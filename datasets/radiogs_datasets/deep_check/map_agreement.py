@@ -27,7 +27,7 @@ BEYOND = 0.01
 
 
 def map_agreement(evidence: Evidence) -> Iterator[Finding]:
-    """Albedo outside of its range, and maps of a test view that contradict those of the others."""
+    """Albedo outside of its range, and maps of a test view that contradict the other test views."""
     for truth in evidence.truths:
         for name in ("albedo", "roughness"):
             if name in truth.maps:
@@ -84,7 +84,7 @@ def _readings(name: str, own: Array) -> Iterator[tuple[str, Array]]:
 
 
 def _cost(values: Array, at: Array, compared: NDArray[np.bool_], read: Array) -> float:
-    """Median difference between the surface's values of other views and one map; zero if it shows few of them."""
+    """Median difference between one map and the surface's values in other views; zero if it shows few points."""
     if int(compared.sum()) < FEWEST:
         return 0.0
     return float(np.median(np.abs(at_points(read, at[compared]) - values[compared]).max(1)))

@@ -1,7 +1,7 @@
 """Points that several images show: SIFT matches against the epipolar geometry of the cameras.
 
-The pairs of views are chosen by their images alone, so a wrong pose does not choose what it is tested with. Small
-images are enlarged first. Matches need neither masks nor truth; smooth objects have too few.
+The pairs of views are chosen by their images alone, independently of the poses that they test. Small images are
+enlarged first. Matches need neither masks nor truth; smooth objects have too few.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ MOST_MATCHED = 60
 """Key points of a view, and views that are matched."""
 
 RATIO = 0.8
-"""Distance of a match by that of the second best (Lowe 2004)."""
+"""Largest ratio of a match's distance to the second best match's (Lowe 2004)."""
 
 PARTNERS, FEWEST_SHARED = 5, 8
 """Views with which a view shares most matches, and how many they have to share."""
@@ -34,7 +34,7 @@ NEAR, NEAR_PIXELS = 1 / 300, 0.5
 """Largest distance of a match from its epipolar line: in longer sides of the image, and at least in pixels."""
 
 FEWEST, FEWEST_VIEWS = 40, 4
-"""Matches of a view or of all, and views (one pair, perhaps of one place, would decide), below which it is silent."""
+"""Matches (of a view or of all) and views below which the check is silent: one pair alone would decide."""
 
 TRIED_TOGETHER = 1500
 """Matches on which readings of all cameras are tried."""
@@ -61,7 +61,7 @@ class Matches:
         return Matches(self.views[chosen], self.at[chosen])
 
     def of(self, place: int) -> "Matches":
-        """The matches of one view, which stands first in all of them."""
+        """The matches of one view, which comes first in each of them."""
         here, there = self.views[:, 0] == place, self.views[:, 1] == place
         return Matches(
             np.concatenate([self.views[here], self.views[there][:, ::-1]]),
@@ -156,7 +156,7 @@ def agreement(evidence: Evidence, *read: Cameras, place: int | None = None) -> l
 
 
 def epipolar_agreement(evidence: Evidence) -> Iterator[Finding]:
-    """Cameras under which few matches agree, and many under another reading: all views, and single ones."""
+    """Cameras under which few matches agree but many under another reading: of all views, and of single ones."""
     (share,) = agreement(evidence) if len(evidence.looks) >= FEWEST_VIEWS else [np.nan]
     if share < WHOLE_AGREEING:
         found = matched(evidence)

@@ -1,4 +1,4 @@
-"""Two views of one pose whose images differ: in their exposure, or so that one of them belongs elsewhere."""
+"""Two views with one pose but different images: other exposures, or one image that belongs to another pose."""
 
 from collections.abc import Iterator, Sequence
 
@@ -17,14 +17,14 @@ SAME_PLACE, SAME_DIRECTION = 1e-5, 1e-6
 """Distance of two centres, in the cameras' distances from one another, and of two axes, below which poses are one."""
 
 DIFFERENT = 0.02
-"""Mean difference of two images of one pose, display sRGB, from which on one of them belongs elsewhere."""
+"""Mean difference of two images with one pose, display sRGB, from which one of them counts as misplaced."""
 
 BRACKETED, SCATTER = 0.2, 0.35
-"""Median ratio of linear colours, natural logarithm, from which on exposures differ, and the share of it by which half
-of the pixels may be off."""
+"""Median ratio of linear colours, natural logarithm, from which exposures differ, and the share of it within which half
+of the pixels must lie."""
 
 UNCLIPPED, FEWEST = (5, 250), 64
-"""Levels that are neither noise nor clipped, and pixels that must have them in both images."""
+"""Range of levels without noise and clipping, and the fewest pixels that must lie in it in both images."""
 
 
 def equal_poses(cameras: Sequence[Camera]) -> NDArray[np.int64]:
@@ -57,7 +57,7 @@ def poses(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _exposure(one: Bytes, other: Bytes) -> float:
-    """The ratio of linear colours, at least 1, that makes two images one; 0 where none does, or one near 1."""
+    """The ratio of linear colours, at least 1, that maps one image to the other; 0 if none does or it is near 1."""
     seen = np.logical_and(*((UNCLIPPED[0] < each) & (each < UNCLIPPED[1]) for each in (one, other)))
     if int(seen.sum()) < FEWEST:
         return 0.0

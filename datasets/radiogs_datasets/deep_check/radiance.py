@@ -23,7 +23,7 @@ FEWEST = 30
 
 
 def radiance(evidence: Evidence) -> Iterator[Finding]:
-    """Test views whose direct and indirect light do not sum to their image, or whose indirect light exceeds it."""
+    """Findings on test views whose direct and indirect light do not sum to the image, or whose indirect exceeds it."""
     whole = [truth for truth in evidence.truths if {"direct", "indirect"} <= truth.maps.keys()]
     for truth in whole:
         if int((chosen := _unclipped(truth, "image")).sum()) >= FEWEST:

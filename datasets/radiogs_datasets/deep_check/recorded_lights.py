@@ -1,7 +1,7 @@
 """Recorded lights against images: the true surfaces, shaded by a map of light, look like the views under that light.
 
-Light is gathered from 16 x 32 texels. Shadows are those of a coarse grid of the surface that the depth of test views
-shows; without depth there are none. Inter-reflection is left out.
+Light is gathered from 16 x 32 texels. Shadows are cast by a coarse grid of the surface in the test views' depth;
+without depth there are no shadows. Inter-reflection is left out.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +27,7 @@ POINTS_OF_A_VIEW, MOST_POINTS = 90, 480
 """Points that are shaded: of a view, and of all views."""
 
 CELLS, STRIDE, LEAVING = 40, 1.25, 2.0
-"""Cells of the longer side of the grid that hides light; length of a ray's step, and its start above the surface."""
+"""Cells of the longer side of the occluding grid; length of a ray's step, and its start above the surface, in cells."""
 
 NORMAL_INCIDENCE, SMOOTHEST = 0.04, 0.2
 """Reflectance of the specular lobe at normal incidence, and roughness below which it is narrower than a texel."""
@@ -127,10 +127,10 @@ DARK, MOST = 0.02, 1.0
 of a ratio that counts at most."""
 
 FITS, ROUGHNESS_FITS = 0.72, 0.62
-"""Share of the difference that another reading may leave; that of roughness, which decides less of an image."""
+"""Largest share of the difference that another reading may leave; the same for roughness, which matters less."""
 
 WORST, LEAST = 0.4, 0.03
-"""Differences between which this model of light says something: coarse light explains less, and more no reading."""
+"""Range of differences that this model of light can judge: below, light is too coarse; above, no reading fits."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ class Shaded:
 
 @dataclass(frozen=True)
 class Materials:
-    """The surface at the points, and what it sends of each texel's light."""
+    """The surface at the points, and the share of each texel's light that it sends to the camera."""
 
     albedo: Array
     diffuse: Array
@@ -204,7 +204,7 @@ def _shaded(evidence: Evidence, truths: Sequence[Truth], lit: Lit) -> list[Shade
 
 
 def difference(shaded: Array, direct: Array) -> float:
-    """Mean ratio of two radiances at the points but for a common factor, as a natural logarithm."""
+    """Mean ratio of two radiances at the points, up to a common factor, as a natural logarithm."""
     floor = DARK * max(float(direct.mean()), 1e-6)
     factor = float(direct.clip(0).mean() / max(float(shaded.mean()), 1e-9))
     ratio = np.log(factor * shaded.clip(0) + floor) - np.log(direct.clip(0) + floor)

@@ -1,4 +1,4 @@
-"""Images against the true surface: a point of one view's depth map looks alike in the others."""
+"""Images against the true surface: a point of one view's depth map has the same colour in other views."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -11,8 +11,8 @@ from .evidence import Evidence, Look
 from .surface import Surface, sampled, seen, surface_of
 
 FEWEST, MISSED = 40, 0.25
-"""Points below which a view says nothing, and the difference of colour, display sRGB, that counts for a point where a
-view shows nothing; larger ones count as this."""
+"""Points below which a view is not judged, and the largest difference of colour, display sRGB, that counts for a point;
+also the difference of a point that a view does not show."""
 
 TRIED = 1400
 """Points, at least, on which readings of a camera are tried."""
@@ -23,7 +23,7 @@ difference that another reading of its camera may leave."""
 
 
 def reprojection(evidence: Evidence) -> Iterator[Finding]:
-    """Cameras under which a view differs from the true surface, and which reading makes it alike."""
+    """Cameras under which a view differs from the true surface, and the reading that makes them agree."""
     surface = surface_of(evidence.truths)
     if surface is None:
         return
@@ -43,7 +43,7 @@ def reprojection(evidence: Evidence) -> Iterator[Finding]:
 
 
 def difference(surface: Surface, colour: Array, look: Look, camera: Cameras) -> float:
-    """Mean difference of display colour between surface and view under a camera; infinite if it shows few points."""
+    """Mean difference of display colour between surface and view under a camera; infinite if few are shown."""
     at, visible = seen(surface, camera)
     if int(visible.sum()) < FEWEST:
         return np.inf

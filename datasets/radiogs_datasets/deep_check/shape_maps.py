@@ -16,21 +16,21 @@ AWAY, MOST_AWAY = -0.1, 0.03
 """Cosine to the camera below which a visible surface looks away, and the share of a view's pixels that may."""
 
 UNLIKE_DEPTH, FIT = 0.8, 0.95
-"""Mean cosine between stored normals and those of the depth map below which the two contradict each other, and mean
+"""Mean cosine between stored normals and normals of the depth map below which they contradict each other, and the mean
 cosine that another reading of the normals has to reach to be named."""
 
 FARTHEST_OFF = 0.1
 """Relative difference of two depths that counts where one view does not show the other's point."""
 
 OFF, TIMES, FAR_OFF = 0.002, 3.0, 0.01
-"""Relative difference of depths from which depth contradicts other views: where it is that multiple of what another
-reading leaves; and that of a single view, or of all views where no reading explains it."""
+"""Relative difference of depths from which depth contradicts other views, if it is also this multiple of the difference
+under another reading; and the difference from which a single view, or all views without an explaining reading, do."""
 
 POINTS, FEWEST, SHOWN = 300, 30, 0.35
-"""Points of a view that are compared, how few say nothing, and the quantile over them: the other view hides some."""
+"""Points of a view that are compared, the fewest that count, and the quantile over them: some are hidden."""
 
 FACTORS = np.array([[0.001, 0.01, 0.1, 0.5, 0.67, 0.8, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 10.0, 100.0, 1000.0]]).T
-"""Scales of depth that are tried before the best of them is searched around."""
+"""Scales of depth that are tried; the search continues around the best one."""
 
 NAMES = ("x", "y", "z")
 
@@ -137,7 +137,7 @@ def _depth_of_single(stored: DepthMaps, own: Array) -> Iterator[Finding]:
 
 
 class Sample:
-    """Normals of one view: stored ones, those of its depth if it has any, and directions to the camera."""
+    """Normals of one view: as stored, from its depth if it has any, and directions to the camera."""
 
     def __init__(self, truth: Truth, kept: NDArray[np.bool_]) -> None:
         self.name = truth.name
@@ -148,9 +148,9 @@ class Sample:
         self.axes: Array = truth.camera.axes.double().numpy()
 
     def fit(self, in_camera: bool = False, matrix: Array = AS_STORED) -> float:
-        """Mean cosine to the normals of the depth; without depth, one less twice the share that looks away.
+        """Mean cosine to the normals of the depth; without depth, one minus twice the share that faces away.
 
-        ``in_camera``, ``matrix``: frame of the stored normals, and the exchange of axes that undoes what was done.
+        ``in_camera``, ``matrix``: frame of the stored normals, and the exchange of axes that is undone.
         """
         read = self.stored @ matrix.T @ self.axes.T if in_camera else self.stored @ matrix.T
         if self.derived is not None:

@@ -24,7 +24,7 @@ SIDE, CORNERS = 256, 24
 """Longest side of the masks that outlines are taken from, pixels, and corners of a convex hull that are kept."""
 
 FEWEST, TRIED_TOGETHER = 5, 16
-"""Outlines from which on one can be told from the others, and views on which readings of all cameras are tried."""
+"""Fewest outlines that identify a wrong one, and number of views on which readings of all cameras are tried."""
 
 BORDER, FLOOR = 0.75, 0.1
 """Distance from the border below which an outline is cut off, and residual that edges of pixels alone explain, in
@@ -42,13 +42,13 @@ WIDER = np.array([[-8.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0, 8.0]]).T
 """Pixels by which a mask may be larger than the object."""
 
 AGREEING, AHEAD = 0.5, 0.1
-"""Share of the matches of images that agree with cameras which are right, and by how much it is ahead of others'."""
+"""Share of the matches that agree with right cameras, and by how much it must exceed the other cameras' share."""
 
 INVERTED_SHARE = 0.7
 """Share of the masks that have to look inverted where no outline is complete."""
 
 UNEXPLAINED = 0.01
-"""Residual, in longer sides of the image, that is named though no other reading explains it."""
+"""Residual, in longer sides of the image, from which outlines are named although no reading explains them."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def median(values: Array) -> float:
 
 
 def silhouettes(evidence: Evidence) -> Iterator[Finding]:
-    """Cameras and masks that the outlines of the other views contradict, all of them together and each by itself."""
+    """Findings on cameras and masks that contradict the outlines of other views: all together, then single ones."""
     known = outlines(evidence, range(len(evidence.looks)))
     if known is None:
         yield from _all_inverted(evidence)
@@ -169,7 +169,7 @@ def silhouettes(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _caused(what: str, fits: Sequence[Fit], sound: float, agreed: Sequence[float]) -> str:
-    """Say what contradicts, and its cause: the masks where images agree with the cameras, else what explains it.
+    """Words for a contradiction and its cause: the masks if images agree with the cameras, else the best reading.
 
     ``fits``: the best reading of cameras first. ``agreed``: shares of matches that agree with cameras as recorded and
     as read.

@@ -1,4 +1,4 @@
-"""Points of the true surface, from the depth of the test views, and which of them a camera sees."""
+"""Points of the true surface from the depth of the test views, and the points that a camera sees."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ from .cameras import Array, Cameras
 from .evidence import Look, Pixels, Truth, some_pixels
 
 POINTS_OF_A_VIEW, FEWEST = 700, 300
-"""Most points of a view's map, and points of all views below which a surface says nothing."""
+"""Most points of a view's map, and fewest points of all views for a usable surface."""
 
 CELLS, SLACK = 40, 0.02
-"""Cells of a side of the image in which the nearest point hides others, but for those less far behind it, in depths."""
+"""Cells per side of the image in which the nearest point hides others, except those less far behind, in depths."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Points:
     view: NDArray[np.int64]
     """Place of each point's view among the truths."""
     pixel: Pixels
-    """Row and column of each point in that view's maps."""
+    """Row and column of each point in its view's maps."""
 
     def values(self, truths: Sequence[Truth], name: str) -> Array:
         """A map's values at the points [points, channels]."""

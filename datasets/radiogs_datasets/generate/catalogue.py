@@ -1,6 +1,6 @@
 """The scenes that can be generated, by name, as data: solids with their materials, cameras, lights.
 
-Most show one effect each; there is one of each further kind. World units, Z up, everything inside +-1.3. Solids are
+Most show one effect each; each further kind has one scene. World units, Z up, everything inside +-1.3. Solids are
 closed, face outwards, and neither touch nor overlap (a gap of 2 mm keeps faces from being coplanar); all are
 dielectric. Surfaces have one material each, or two between which a pattern of the position chooses.
 """
@@ -262,7 +262,7 @@ PARASOL: Profile = (
     (0.05, 0.0), (0.18, 0.0), (0.18, 0.03), (0.04, 0.04), (0.025, 0.1), (0.025, 0.7), (0.05, 0.74), (0.25, 0.7),
     (0.43, 0.62), (0.45, 0.62), (0.44, 0.66), (0.25, 0.77), (0.06, 0.82), (0.02, 0.83),
 )  # fmt: skip
-"""Profiles (radius, height) of solids of revolution that stand on the plane z = 0, in world units."""
+"""VASE to PARASOL: profiles (radius, height) of solids of revolution that stand on the plane z = 0, world units."""
 
 
 def _scaled(profile: Profile, width: float, height: float) -> Profile:

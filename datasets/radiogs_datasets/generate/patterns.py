@@ -20,7 +20,7 @@ Array = Any
 """Values of one coordinate at many points: a torch or numpy array, or a Dr.Jit ``Float``."""
 
 Arithmetic = ModuleType
-"""The library that owns the arrays: ``torch``, ``numpy`` or ``drjit``, of which patterns use what all three have."""
+"""The library that owns the arrays: ``torch``, ``numpy`` or ``drjit``; patterns use their common functions only."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Noise:
 class Print:
     """A line of capital letters, 1 where there is ink, in the plane through ``origin`` along two unit directions.
 
-    ``origin`` is the lower left end of the first letter, ``height`` that of letters and ``thickness`` that of their
+    ``origin`` is the lower left end of the first letter, ``height`` the height of letters and ``thickness`` of their
     strokes, in world units. The ink goes all the way through a solid, so that its back bears mirrored letters.
     """
 

@@ -1,4 +1,4 @@
-"""Whether Mitsuba can render here: asked in a process of its own, because some LLVM versions abort theirs."""
+"""Whether Mitsuba can render here, tested in a separate process, because some LLVM versions abort it."""
 
 import subprocess
 import sys

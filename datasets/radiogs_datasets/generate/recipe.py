@@ -22,12 +22,12 @@ class Rig:
 
 
 TEST_RATIO = 4
-"""Samples a pixel of a test view, which is ground truth, over those of a training view: half the noise."""
+"""Ratio of a test view's samples per pixel to a training view's: test views are ground truth and get half the noise."""
 
 
 @dataclass(frozen=True)
 class Pictures:
-    """How many views of a scene are rendered, of how many pixels a side, and how long the paths of light are.
+    """Numbers of views, pixels per side, and length of light paths of a rendering.
 
     ``depth`` counts the light as a vertex: 8 ends at the light after seven surfaces. Deep white basins keep on
     scattering: in ``bowl`` a depth of 8 lacks 6 % of the indirect light, so that it comes with a depth of 32.
@@ -44,10 +44,10 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Recipe:
-    """One scene: what stands in it, from where it is seen, and what it is for.
+    """One scene: its solids, cameras and purpose.
 
-    ``kind``: the scenes that means over kinds take together. ``choices``: whether a method's settings may be chosen by
-    results on this scene, or whether these are reported only. ``train``: number of training views.
+    ``kind``: scenes of one kind are averaged first in means over kinds. ``choices``: whether a method's settings may be
+    chosen by results on this scene, or results are reported only. ``train``: number of training views.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Solids of revolution and reliefs by formula: closed meshes, samples of their surfaces, and what lies inside.
+"""Solids of revolution and reliefs by formula: closed meshes, samples of their surfaces, and tests for points inside.
 
 Both are rings around a vertical axis between two poles. A profile in the half-plane of (distance from the axis, height)
 is a uniform cubic B-spline c(t) whose control points are mirrored at the axis, for t from -1/2 to their number less
@@ -26,7 +26,7 @@ RELIEF_MESH = (640, 1024)
 """Rows and columns of the mesh of a relief: several dozen for each of its shortest ripples."""
 
 PROFILE_PLACES = 4096
-"""Along a profile, for its length and for distances to it."""
+"""Number of points along a profile for its length and for distances to it."""
 
 BLOCK = 4096
 """Points whose distances to a profile are held at once."""

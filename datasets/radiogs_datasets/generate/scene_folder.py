@@ -38,7 +38,7 @@ class Split:
 def write_scene(
     recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
 ) -> None:
-    """See ``generate_scene``; ``folder`` is there, and empty."""
+    """See ``generate_scene``; ``folder`` exists and is empty."""
     render.start()
     lights = _write_lights(recipe, folder / "envmaps")
     train = Split("train", 0, recipe.train if pictures.train is None else pictures.train, pictures.samples)
@@ -64,7 +64,7 @@ def write_scene(
 
 
 def _write_lights(recipe: Recipe, folder: Path) -> dict[str, mi.Scene]:
-    """The recipe under each of its lights; what is rendered is what is stored, as RGBE keeps only eight bits."""
+    """The recipe under each of its lights, which are rendered as stored, because RGBE keeps only eight bits."""
     folder.mkdir()
     lights = {}
     for role, name in {TRAINING_LIGHT: recipe.training_light, **{name: name for name in recipe.relight}}.items():
@@ -106,7 +106,7 @@ def _direct(scene: mi.Scene, camera: Pinhole, split: Split, seed: int) -> NDArra
 
 
 NOISE_SEEDS = (1_000_000, 1_000_001)
-"""Seeds that no view uses: the noise floor is that between both, in display colour, multiplied by alpha."""
+"""Two seeds that no view uses: their difference in display colour, multiplied by alpha, gives the noise floor."""
 
 SHARE_SAMPLES, SHARE_SIZE = 256, 96
 """Samples a pixel, and the most pixels a side, for shares of energy, which are sums over a whole image."""
@@ -147,9 +147,8 @@ def describe(
 def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole, depth: int) -> dict[str, float]:
     """Parts of the energy that a view sees under a light.
 
-    specular: what one surface scatters in its specular lobe (all albedos set to zero), of all light. shadowed: what
-    solids take away from one another's direct light, of the direct light that there would be without; the shadow of a
-    solid on itself does not count.
+    specular: share of all light that one surface scatters in its specular lobe (with all albedos zero). shadowed: share
+    of the direct light that solids block from each other; a solid's shadow on itself does not count.
     """
     whole = render.build(recipe, light)
     full, direct = (_energy(whole, camera, depth) for depth in (depth, render.DIRECT_DEPTH))

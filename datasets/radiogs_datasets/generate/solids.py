@@ -33,8 +33,8 @@ class Knot:
     """A closed tube of ``radius`` along a trefoil knot; see ``trefoil`` for its curve.
 
     The knot winds around a torus with a vertical axis through ``centre``: ``ring`` is the radius of the circle in its
-    middle, and ``swing`` how far the tube's middle is from that circle. The tube must not meet itself: ``swing`` must
-    exceed ``radius``, and so must 0.85 (``ring`` - ``swing``), as three strands pass the axis that near.
+    middle, and ``swing`` how far the tube's middle is from that circle. The tube must not intersect itself: ``swing``
+    and 0.85 (``ring`` - ``swing``), the distance at which three strands pass the axis, must exceed ``radius``.
     """
 
     centre: Point

@@ -24,24 +24,24 @@ from .recipe import pinhole
 from .solids import GAP, Box, Knot, Relief, Solid, Sphere, Turned
 
 TOUCHING = 1.5 * GAP
-"""Solids this near touch: what lies between them is seen by nobody."""
+"""Solids within this distance touch: no camera sees the space between them."""
 
 PLACES = 1024
-"""Number of a rig's cameras among which those of a scene are searched; no generated scene has as many."""
+"""Number of a rig's cameras in which a scene's cameras are searched; no generated scene has as many."""
 
 NEAR = 1e-4
-"""In units of the rig's radius: poses are written with fewer digits than they were computed with."""
+"""Largest distance between equal poses, in units of the rig's radius: files have fewer digits."""
 
 PROBES = 256
 """Places along and around a knot at which the stretch of its parameter is measured."""
 
 
 def surfaces_of_scene(folder: Path, scene: Scene) -> Surfaces | None:
-    """The surfaces of a scene in a folder that ``generate`` has made, at any size of its images; None for any other.
+    """The surfaces of a scene that ``generate`` has made, at any size of its images; None for any other folder.
 
-    The recipe is read from ``metadata.json``. Other programs write files of that name too: one that does not
-    name a recipe says nothing. Nor does one beside cameras that are not the recipe's: a scene that was scaled, moved or
-    turned keeps the file, and its surfaces are elsewhere.
+    The recipe is read from ``metadata.json``. Other programs write files of this name, too: a file without a recipe's
+    name does not count. Neither does one beside other cameras than the recipe's: a scaled, moved or turned scene keeps
+    the file, but not its surfaces.
     """
     name = metadata_of(folder).get("scene")
     recipe = RECIPES.get(name) if isinstance(name, str) else None
@@ -63,7 +63,7 @@ def metadata_of(folder: Path) -> Mapping[str, Any]:
 
 
 def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
-    """Samples about ``spacing`` (world units) apart, all over the solids, facing outwards. Float64.
+    """Samples about ``spacing`` (world units) apart over all solids, facing outwards. Float64.
 
     Parts of a face on which another solid stands are left out.
     """

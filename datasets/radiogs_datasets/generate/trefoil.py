@@ -1,4 +1,4 @@
-"""A tube along a trefoil knot by formula: points, normals, a closed mesh, and what lies inside.
+"""A tube along a trefoil knot by formula: points, normals, a closed mesh, and a test for points inside.
 
 The knot's curve winds twice around the axis of a torus and three times around its tube (world units, t in radian):
 
@@ -19,7 +19,7 @@ from .solids import Knot
 AROUND_AXIS, AROUND_TUBE = 2, 3
 
 CURVE_POINTS = 2048
-"""On the curve, for distances to it: too large by less than the square of half their spacing over twice the radius."""
+"""Number of the curve's points for distances to it: they are too large by less than (spacing / 2)^2 / (2 radius)."""
 
 BLOCK = 4096
 """Points whose distances to the curve are held at once."""

@@ -71,12 +71,12 @@ def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
 SINGLE = "transforms.json"
 
 SCORED = ("test", "val")
-"""Splits whose views are scored: the test split, or the validation split if there is no test split."""
+"""Names of splits whose views are scored: the test split, else the validation split."""
 
 ENDINGS = (*IMAGE_ENDINGS, *(ending.upper() for ending in IMAGE_ENDINGS))
 
 MOST_ABSENT = 0.5
-"""Share of a single file's photos that may be absent: with more the folder is taken for incomplete."""
+"""Largest share of a single file's photos that may be missing: beyond it the folder counts as incomplete."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Listed:
 
 
 def tables_of(folder: Path, options: SceneOptions) -> list[Path]:
-    """The single file; or the training file, and that of the split which is scored unless views are held out."""
+    """The single file; or the training file and, unless views are held out, the scored split's file."""
     train = folder / "transforms_train.json"
     if (folder / SINGLE).is_file() and not train.is_file():
         return [folder / SINGLE]
@@ -118,7 +118,7 @@ def listed_in(written: WrittenPaths, table: Path, transforms: Transforms) -> lis
 
 
 def _of_other_sizes(written: WrittenPaths, images: list[Path]) -> list[Path]:
-    """The images; where some are absent, those in the first folder of other sizes beside theirs that has all."""
+    """The images; if some are missing, the images in the first folder of other sizes beside them that is complete."""
     if all(path.is_file() for path in images):
         return images
     for folder in PHOTO_FOLDERS:
@@ -130,7 +130,7 @@ def _of_other_sizes(written: WrittenPaths, images: list[Path]) -> list[Path]:
 
 
 def _image(written: WrittenPaths, table: Path, frame: Frame) -> Path:
-    """The image as written, or with the ending that a file has; PNG where there is none."""
+    """The image's path as written, or with an existing file's ending; PNG if no file exists."""
     name = frame.file_path
     path = Path(os.path.normpath(written.folder / name))
     if path.suffix.lower() not in ENDINGS and path.is_relative_to(written.folder) and not path.is_file():
@@ -141,7 +141,7 @@ def _image(written: WrittenPaths, table: Path, frame: Frame) -> Path:
 
 
 def present(folder: Path, listed: list[Listed], repairs: list[str]) -> list[Listed]:
-    """The photos that are there. Raises DataError if most are not."""
+    """The existing photos. Raises DataError if most are missing."""
     absent = [each.image for each in listed if not each.image.is_file()]
     if len(absent) > MOST_ABSENT * len(listed):
         require_files(folder, absent)
@@ -158,9 +158,9 @@ def split_of(
     options: SceneOptions,
     repairs: list[str],
 ) -> tuple[list[Listed], list[Listed]]:
-    """Training and test views; how they were told apart, and what was left out, is added to ``repairs``.
+    """Training and test views; the way of splitting, and what was left out, are added to ``repairs``.
 
-    ``lists``: text files that list the views of a split, where no file of cameras does.
+    ``lists``: text files that list the views of a split, if no file of cameras does.
     """
     folder = written.folder
     listed = {table: listed_in(written, table, transforms) for table, transforms in files.items()}
@@ -244,7 +244,7 @@ def _photo(folder: Path, listed: Listed, header: Header) -> Photo:
 
 
 def _points(folder: Path, files: Mapping[Path, Transforms], repairs: list[str]) -> tuple[Points | None, list[Path]]:
-    """The points of the first file that names them, and the PLY files; what is absent is added to ``repairs``."""
+    """The points of the first file that names some, and the PLY files; missing files are added to ``repairs``."""
     named = [WrittenPaths(folder).find(table, each.points_path) for table, each in files.items() if each.points_path]
     clouds = [path for path in named if path.is_file()]
     repairs += [f"{path.name} is not there: surfels start without its points" for path in named if path not in clouds]

@@ -3,13 +3,13 @@
     <scene>/sparse/0/{cameras,images,points3D}.bin|txt      or sparse/ without a 0
     <scene>/images/  images_2/  images_4/  images_8/
 
-The model with the most photos is read. Images are those of the first of images_2, images_4, images that has all its
-photos (the papers use images_2 indoors and images_4 outdoors), and the cameras are scaled to it. Photos are found by
-their names but for endings and zeros before numbers; others, such as LLFF's reduced images, by equal numbers, else in
-the order of names. Lens distortion is undone on reading. The views that a published list names are scored
-(``test_list.txt``, ``sparse/0/test.txt``); else, in the order of names, every eighth (or ``--hold-out N``), from the
-first on. Alpha is coverage, as are the masks of a folder. The sparse points come along, also from a PLY file; a model
-without any is read, too.
+The model with the most photos is read. Images come from the first of images_2, images_4, images that has all its photos
+(the papers use images_2 indoors and images_4 outdoors), and the cameras are scaled to it. Photos are found by their
+names, up to endings and leading zeros; others, such as LLFF's reduced images, by equal numbers, else in the order of
+names. Lens distortion is undone on reading. The views of a published list are scored (``test_list.txt``,
+``sparse/0/test.txt``); else, in the order of names, every eighth (or ``--hold-out N``), from the first on. Alpha is
+coverage, as are the masks of a folder. The sparse points come along, also from a PLY file; a model without any is read,
+too.
 """
 
 from functools import partial
@@ -74,7 +74,7 @@ def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
 
 
 def _points(place: Path, model: SparseModel) -> tuple[Points | None, tuple[str, ...]]:
-    """The points at which surfels start, and a sentence where they are not those of COLMAP's own file."""
+    """The points at which surfels start, and a sentence if they do not come from COLMAP's own file."""
     *_, path = files_of(place)
     if path.suffix == ".ply":
         points, said = read_points(path)
@@ -86,9 +86,9 @@ def _points(place: Path, model: SparseModel) -> tuple[Points | None, tuple[str, 
 
 
 def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
-    """The image of each photo of a model, in the first folder of ``PHOTO_FOLDERS`` that has all, and sentences.
+    """The image of each photo of a model, in the first complete folder of ``PHOTO_FOLDERS``, and sentences.
 
-    The paths in the last folder where none has all. Raises DataError for images there that may be those of others.
+    The paths in the last folder if none is complete. Raises DataError if images there may belong to other photos.
     """
     folders = [name for name in PHOTO_FOLDERS if (folder / name).is_dir()] or ["images"]
     lacking: list[str] = []
@@ -107,7 +107,7 @@ def images_of(folder: Path, place: Path, names: list[str]) -> tuple[list[Path], 
 
 
 def _in_folder(folder: Path, place: Path, chosen: str, names: list[str]) -> tuple[list[Path], tuple[str, ...]]:
-    """Images by their names, as they are written or must be meant; where none is there, see ``paired``."""
+    """Images by their names, as written or by an unambiguous variant; if no name exists, see ``paired``."""
     written = WrittenPaths(folder, IMAGE_ENDINGS)
     paths = [written.find_photo(place, f"{chosen}/{name}") for name in names]
     own, whole = images_in(folder / chosen), images_in(folder / "images")

@@ -22,10 +22,10 @@ from ..options import TEST_EVERY
 from ..same_bytes import note_pixels, within
 
 SMALL_SCENE = 50_000_000
-"""Pixels up to which every map is decoded when the scene is opened: damage is found before, not during, a run."""
+"""Largest number of a scene's pixels for which every map is decoded on opening: damage is found before a run."""
 
 NAMES_SHOWN = 8
-"""How many of the files that are wrong an error lists."""
+"""Number of wrong files that an error lists."""
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".webp", ".exr", ".hdr")
 """Endings of photos that are read."""
@@ -45,7 +45,7 @@ Kept = TypeVar("Kept")
 
 
 def inside(folder: Path, table: Path, file_path: str) -> Path:
-    """The file that a table points to. Links are followed, but a written path may not leave the scene's folder."""
+    """The file that a table names. Links are followed, but a written path may not leave the scene's folder."""
     path = Path(os.path.normpath(folder / file_path))
     if not path.is_relative_to(folder) or path == folder:
         raise DataError(
@@ -57,8 +57,8 @@ def inside(folder: Path, table: Path, file_path: str) -> Path:
 
 
 class WrittenPaths:
-    """Finds the files that a table names in other words: Windows paths, another case or Unicode normal form of letters,
-    paths from above the scene's folder. One is taken where exactly one file fits, and ``said`` tells how many were.
+    """Finds files whose names are written differently in a table: Windows paths, another case or Unicode normal form,
+    paths from above the scene's folder. A file is accepted if it is the only match; ``said`` counts these.
 
     Names without an ending get those of ``endings``.
     """
@@ -68,7 +68,7 @@ class WrittenPaths:
         self.counts: Counter[str] = Counter()
 
     def find(self, table: Path, written: str) -> Path:
-        """The file at a written path, or the one that it must mean; the path itself where there is none.
+        """The file at a written path, or its only match; the path itself if no file matches.
 
         Raises DataError for a path that leaves the scene's folder and names no file in it.
         """
@@ -82,7 +82,7 @@ class WrittenPaths:
         return found
 
     def find_photo(self, table: Path, written: str) -> Path:
-        """As ``find``; else the one image that can be read at that place and is called alike (``alike``)."""
+        """As ``find``; else the only readable image at that place with the same name up to ``alike``."""
         path = self.find(table, written)
         if path.is_file() and path.suffix.lower() in IMAGE_ENDINGS:
             return path
@@ -94,7 +94,7 @@ class WrittenPaths:
 
     @property
     def said(self) -> tuple[str, ...]:
-        """A sentence for each way in which paths were written in other words."""
+        """A sentence for each way in which written paths differed from files."""
         return tuple(
             f"{count} written {'path is' if count == 1 else 'paths are'} {how}" for how, count in self.counts.items()
         )
@@ -141,7 +141,7 @@ def _plain(name: str) -> str:
 
 
 def alike(name: str) -> str:
-    """The part that names of one photo share: not ending, case, or zeros (frame_1.HEIC, frame_0001.jpg)."""
+    """The part that all names of one photo share: no ending, case or zeros (frame_1.HEIC, frame_0001.jpg)."""
     return NUMBER.sub(r"\1", re.sub(r"\.[a-z][a-z0-9]{1,4}$", "", _plain(name)))
 
 
@@ -151,9 +151,9 @@ def by_number(name: str) -> list[tuple[int, str]]:
 
 
 def paired(names: Sequence[str], files: Sequence[Path], renumbered: bool) -> tuple[dict[str, Path], str]:
-    """As many files by other names, and a sentence: those of equal numbers, else in the order of names.
+    """Pairs names with as many differently named files, by equal numbers, else in the order of names; and a sentence.
 
-    ``renumbered``: whether files may have been numbered anew, so that an equal number says nothing. Raises DataError
+    ``renumbered``: whether files may have been renumbered, so that equal numbers are meaningless. Raises DataError
     where the orders of names as text and by number differ, or where some numbers are equal and others are not.
     """
     own = {(*NUMBER.findall(path.stem),): path for path in files}
@@ -168,7 +168,7 @@ def paired(names: Sequence[str], files: Sequence[Path], renumbered: bool) -> tup
 
 
 def require_one_order(folder: Path, pairs: Iterable[tuple[str, Path, Path]]) -> None:
-    """Raises DataError where a name's file in the order of text is not that in the order of numbers."""
+    """Raises DataError if names paired in the order of text and in the order of numbers differ."""
     differ = [f"{name} with {by_text.name} or {counted.name}" for name, by_text, counted in pairs if by_text != counted]
     if differ:
         raise DataError(
@@ -188,7 +188,7 @@ def split_lists(folder: Path, *places: Path) -> dict[str, Path]:
 
 
 def names_in(lists: Mapping[str, Path]) -> dict[str, tuple[str, ...]]:
-    """The names of photos in text files, one on a line; empty lines and those that begin with # are passed over."""
+    """The names of photos in text files, one per line; empty lines and comments (#) are skipped."""
     lines = {label: read_bytes(path).decode(errors="replace").splitlines() for label, path in lists.items()}
     return {
         label: tuple(name for line in each if (name := line.strip()) and name[0] != "#")
@@ -248,7 +248,7 @@ def _apart(
 
 
 def _view_called(name: str, keys: Sequence[Sequence[str]]) -> int | None:
-    """The place of the one view that a list means, by the longest part of a path that both share; None for no view."""
+    """The index of the one view that a list means, by the longest common end of both paths; None without one."""
     parts = [part for part in alike(name.replace("\\", "/")).split("/") if part != "."]
     for length in range(len(parts), 0, -1):
         fitting = [place for place, key in enumerate(keys) if key[-length:] == parts[-length:]]
@@ -280,7 +280,7 @@ def require_distinct(folder: Path, places: Sequence[Path]) -> None:
 
 
 def require_files(folder: Path, wanted: Sequence[Path]) -> None:
-    """Raises DataError that names the files that are not there."""
+    """Raises DataError that names the missing files."""
     missing = [path.relative_to(folder).as_posix() for path in wanted if not path.is_file()]
     if missing:
         nearest = next(place for place in (folder / missing[0]).parents if place.is_dir())
@@ -298,8 +298,8 @@ def inspect(
 ) -> tuple[dict[Path, Header], str]:
     """Headers of every image, and the SHA-256 over names and digests of all files in the names' order.
 
-    ``tables`` come first in the digest, by their bare names. They, and ``NO_IMAGES``, are no images.
-    Colour profiles of images in ``numbers``, such as masks, are passed over.
+    ``tables`` come first in the digest, by their bare names. They, and ``NO_IMAGES``, are not images. Colour profiles
+    of images in ``numbers``, such as masks, are ignored.
     """
     headers, combined = {}, hashlib.sha256()
     for path in tables:
@@ -313,7 +313,7 @@ def inspect(
 
 
 def require_same_size(path: Path, size: tuple[int, int], wanted: tuple[int, int]) -> None:
-    """Raises DataError if a map is not as large as its view's image."""
+    """Raises DataError if a map's size differs from its view's image."""
     if size != wanted:
         raise DataError(
             f"{path} is {size[1]} x {size[0]} pixels, its view's image {wanted[1]} x {wanted[0]}",
@@ -327,8 +327,8 @@ def decode_if_small(
 ) -> tuple[str, ...]:
     """Read every map of a small scene and forget it. Raises DataError for the first damaged one.
 
-    Returns sentences on images of another type than their names say, and with an orientation flag; ``turned`` are those
-    that are turned by it.
+    Returns sentences on images of another type than their names' ending, and on orientation flags; ``turned``: images
+    that are turned by theirs.
     """
     if sum(header.height * header.width for header in headers.values()) <= SMALL_SCENE:
         for view in views:
@@ -354,6 +354,6 @@ def decode_if_small(
 
 
 def shown(names: Sequence[str]) -> str:
-    """The first of them, and how many more there are."""
+    """The first of some names, and the number of further ones."""
     rest = len(names) - NAMES_SHOWN
     return ", ".join(names[:NAMES_SHOWN]) + (f" and {rest} more" if rest > 0 else "")

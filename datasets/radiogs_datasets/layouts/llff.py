@@ -6,7 +6,7 @@
 ``poses_bounds.npy`` holds 17 numbers a view, float64, in the order of the images' names: a matrix of 3 rows and 5
 columns, and the nearest and farthest depth, which are not used. The first four columns are camera-to-world with the
 axes down, right and back; the fifth is height, width and focal length in pixels of the photo. Pixels are square and the
-principal point is the image's centre. Images are those of the first of images_2, images_4, images that has as many as
+principal point is the image's centre. Images come from the first of images_2, images_4, images that has as many as
 there are poses. In the order of their names every eighth (or ``--hold-out N``) is a test view, from the first on.
 """
 
@@ -34,7 +34,7 @@ TABLE = "poses_bounds.npy"
 
 
 def looks_like(folder: Path) -> bool:
-    """Whether there are poses in LLFF's file."""
+    """Whether LLFF's file of poses exists."""
     return (folder / TABLE).is_file()
 
 
@@ -85,7 +85,7 @@ def _poses(table: Path) -> Float[ndarray, "views 3 5"]:
 def _images(folder: Path, count: int) -> tuple[str, list[Path]]:
     """The folder that is read and its images in the order of names, one for each pose.
 
-    Raises DataError where there is none, and where the order of names is not that of their numbers.
+    Raises DataError without images, and if the orders of names as text and by number differ.
     """
     found = {name: images_in(folder / name) for name in PHOTO_FOLDERS}
     fitting = next((name for name, images in found.items() if len(images) == count), None)

@@ -1,4 +1,4 @@
-"""Masks of photos: which file is whose, and what its levels say of coverage."""
+"""Masks of photos: the mask of each photo, and the coverage that its levels mean."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -23,9 +23,9 @@ DAMAGED_MASK = "Without it there is no telling which pixels of the photo show th
 def masks_of(folder: str | None, images: Iterable[tuple[str, Path]]) -> dict[Path, Path]:
     """The mask of every image in a folder of masks, by the image's path; empty without a folder.
 
-    ``images`` are names below the folder of images, and paths. A mask has the image's name, with another ending or one
-    added to it (``a/b.jpg``: ``a/b.png``, ``a/b.jpg.png``, ``a/b_mask.png``); case does not matter. Raises DataError
-    that names those without one.
+    ``images`` are names below the folder of images, and paths. A mask has the image's name, with another or an
+    additional ending (``a/b.jpg``: ``a/b.png``, ``a/b.jpg.png``, ``a/b_mask.png``); case does not matter. Raises
+    DataError that names images without a mask.
     """
     if folder is None:
         return {}
@@ -61,10 +61,10 @@ BAND = 1 << 8
 """Rows of a mask that are looked at together, to take little memory."""
 
 FLAT_SHARE = 0.2
-"""Share of a mask's pixels above zero from which on areas of one level, neither 0 nor the largest, are labels."""
+"""Share of a mask's pixels above zero from which areas of one level, neither 0 nor the largest, count as labels."""
 
 NEARLY = 8 / 255
-"""How far from the largest level a pixel of a JPEG counts as covered."""
+"""Largest difference from the largest level at which a pixel of a JPEG counts as covered."""
 
 
 def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
@@ -73,10 +73,10 @@ def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
 
 
 def mask_levels(path: Path) -> NDArray:
-    """Levels or values [height, width, 1] of a mask: the alpha of an image if that says something, else its grey level.
+    """Levels or values [height, width, 1] of a mask: the image's alpha unless it is constant 1, else its grey level.
 
-    A mask is numbers: its colour profile is passed over. An alpha of 1 throughout says nothing: many programs add one
-    when they save grey pictures. Raises DataError for colours, and for levels that are labels.
+    A mask is numbers: its colour profile is ignored. Many programs add a constant alpha of 1 when they save grey
+    pictures. Raises DataError for colours, and for levels that are labels.
     """
     image = read_stored(path, numbers=True)
     most = 1 if image.dtype == np.float32 else np.iinfo(image.dtype).max

@@ -38,10 +38,10 @@ PHOTO_FOLDERS = ("images_2", "images_4", "images")
 class Photo:
     """A photo and what belongs to it.
 
-    ``camera_to_world`` has OpenCV axes; ``lens`` is that of the image once it is turned by the EXIF orientation
+    ``camera_to_world`` has OpenCV axes; ``lens``: the lens of the image after it is turned by the EXIF orientation
     ``turned`` (1: as stored). ``has_alpha``: whether the file has a fourth channel. ``mask`` is an image whose first
-    channel (or alpha) is coverage; where both exist they multiply. With ``ignores`` it is no coverage: its black pixels
-    are left out (map ``valid``). ``depth`` holds z-depth, zero where unknown: 16-bit levels or floats, times
+    channel (or alpha) is coverage; where both exist they multiply. With ``ignores`` it is not coverage: its black
+    pixels are excluded (map ``valid``). ``depth`` holds z-depth, zero where unknown: 16-bit levels or floats, times
     ``depth_unit`` world units. Masks and depth may be larger than the photo, and turned as it is stored.
     """
 
@@ -58,14 +58,14 @@ class Photo:
 
     @property
     def covers(self) -> bool:
-        """Whether its alpha or mask is coverage."""
+        """Whether its alpha or mask means coverage."""
         return self.has_alpha or (self.mask is not None and not self.ignores)
 
 
 def inspect_photos(
     folder: Path, files: Iterable[Path], masks: Mapping[Path, Path], tables: Sequence[Path] = ()
 ) -> tuple[dict[Path, Header], str]:
-    """Headers of a scene's images and the checksum over its files, see ``inspect``; ``masks`` are those of images.
+    """Headers of a scene's images and the checksum over its files, see ``inspect``; ``masks``: by image.
 
     A mask may lie outside the scene's folder; in the checksum it goes by its image. Raises DataError for a mask that is
     smaller than its image, or of another shape.
@@ -93,8 +93,8 @@ TURNS: Mapping[int, Callable[[NDArray], NDArray]] = {
 def placed(header: Header, lens_of: Callable[[int, int], Lens]) -> tuple[Lens, int]:
     """The lens of a photo, from its height and width, and the EXIF orientation by which the photo is turned.
 
-    Cameras are those of photos as stored (orientation 1), unless only the turned photo has the size of its camera.
-    Raises what ``lens_of`` raises.
+    Cameras refer to photos as stored (orientation 1), unless only the turned photo has its camera's size. Raises what
+    ``lens_of`` raises.
     """
     try:
         return lens_of(*header.size), 1
@@ -108,9 +108,9 @@ def placed(header: Header, lens_of: Callable[[int, int], Lens]) -> tuple[Lens, i
 def views_of(
     photos: Sequence[Photo], headers: Mapping[Path, Header], options: SceneOptions
 ) -> tuple[list[View], tuple[str, ...]]:
-    """The views of photos whose masks mean what the options say, and sentences on photos, coverage and lenses.
+    """The views of photos with masks as the options state, and sentences on photos, coverage and lenses.
 
-    Raises DataError for coverage and lenses that cannot be, and in a small scene for damage.
+    Raises DataError for impossible coverage and lenses, and in a small scene for damage.
     """
     given, said = said_of_masks(straightened(photos) if options.undistorted else photos, options)
     views = [view_of(photo) for photo in given]
@@ -167,17 +167,17 @@ def pinhole(photo: Photo) -> Pinhole:
 
 
 MOST_BENT, BENT = 1.0, 0.5
-"""``Lens.bend`` beyond which a calibration has failed, and beyond which it is doubted: wide lenses have up to .4."""
+"""``Lens.bend`` from which a calibration has failed, and from which it is doubtful: wide lenses reach .4."""
 
 LARGEST_K1, LEAST_BENT = 1.0, 0.1
-"""First coefficient above which a lens is doubted if it bends the image by more than this share, too."""
+"""First coefficient above which a lens is doubtful if it also bends the image by more than this share."""
 
 MOST_OBLONG, OBLONG = 2.0, 1.25
-"""Ratio of the focal lengths beyond which a calibration has failed, and beyond which it is doubted."""
+"""Ratio of the focal lengths from which a calibration has failed, and from which it is doubtful."""
 
 
 def require_possible_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
-    """Sentences on calibrations that few lenses have; raises DataError for one that no lens has.
+    """Sentences on implausible calibrations; raises DataError for an impossible one.
 
     Structure from motion on cut-out or blank images ends in such numbers, with poses of the same kind.
     """
@@ -207,7 +207,7 @@ def require_possible_lenses(photos: Sequence[Photo]) -> tuple[str, ...]:
 
 
 def images_in(folder: Path) -> list[Path]:
-    """The images of a folder, without hidden ones, in the order of names; none where there is no folder."""
+    """The images of a folder in the order of names, without hidden ones; empty without the folder."""
     if not folder.is_dir():
         return []
     named = (path for path in folder.iterdir() if path.suffix.lower() in IMAGE_ENDINGS and path.name[0] != ".")
@@ -215,10 +215,9 @@ def images_in(folder: Path) -> list[Path]:
 
 
 def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[Photo], tuple[str, ...]]:
-    """The photos with masks that mean what the options say and coverage that says something; and sentences.
+    """The photos with masks as the options state, without coverage that is 1 everywhere; and sentences.
 
-    An alpha or masks of 1 in every photo say nothing, and are none. Raises UsageError where masks are to be left out
-    and there are none.
+    Alpha or masks of 1 in every photo are dropped. Raises UsageError for options on masks without any mask.
     """
     masked = [photo for photo in photos if photo.mask is not None]
     if options.masks is not None and not masked:
@@ -252,7 +251,7 @@ def said_of_masks(photos: Sequence[Photo], options: SceneOptions) -> tuple[list[
 
 
 def _image(photo: Photo) -> Tensor:
-    """Display sRGB in [0, 1], [height, width, 3]; 8-bit levels where they are asked for and no lens is undone."""
+    """Display sRGB in [0, 1], [height, width, 3]; 8-bit levels if wanted and the photo is not undistorted."""
     wanted = LEVELS_WANTED.get() if photo.lens.pinhole and not photo.ignores else 0
     stored = read_stored(photo.image, coarse=wanted == COARSE and not photo.has_alpha)  # the file is read for both
     stored = TURNS[photo.turned](stored) if photo.turned in TURNS else stored
@@ -266,7 +265,7 @@ def _image(photo: Photo) -> Tensor:
 
 
 def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
-    """1 where the mask is white. Raises DataError where nothing of the photo is left."""
+    """1 where the mask is white. Raises DataError if nothing of the photo is left."""
     assert photo.mask is not None
     white = _brought(photo.mask, (read_mask(photo.mask) > 0.5).float(), photo)
     valid = ((white if photo.lens.pinhole else undistorted_coverage(white, photo.lens)) > WHOLLY).float()
@@ -280,7 +279,7 @@ def _valid(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 
 def _alpha(photo: Photo) -> Tensor:
-    """Coverage in [0, 1], [height, width, 1]; 8-bit levels where they are asked for and a mask has them as they are."""
+    """Coverage in [0, 1], [height, width, 1]; 8-bit levels if wanted and the mask has them unchanged."""
     coverage = _mask_as_it_is(photo) if LEVELS_WANTED.get() else None
     if coverage is None:
         coverage = _stored_coverage(photo)
@@ -295,7 +294,7 @@ def _alpha(photo: Photo) -> Tensor:
 
 
 def _mask_as_it_is(photo: Photo) -> Tensor | None:
-    """The 8-bit levels [height, width, 1] of a mask that alone is its photo's coverage; None where it is not."""
+    """The 8-bit levels [height, width, 1] of a mask that is its photo's only coverage; None otherwise."""
     if photo.mask is None or photo.has_alpha or not photo.lens.pinhole:
         return None
     levels = mask_levels(photo.mask)
@@ -317,7 +316,7 @@ def _stored_coverage(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 
 def _brought(path: Path, values: Float[Tensor, "height width 1"], photo: Photo) -> Float[Tensor, "rows columns 1"]:
-    """Coverage as its photo is: turned, and reduced by area means. Raises DataError where it has another shape."""
+    """Coverage turned like its photo, and reduced by area means. Raises DataError for other proportions."""
     wanted = photo.lens.size
     if photo.turned in TURNS and not is_reduction(wanted, (values.shape[0], values.shape[1])):
         values = torch.from_numpy(np.ascontiguousarray(TURNS[photo.turned](values.numpy())))

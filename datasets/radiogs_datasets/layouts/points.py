@@ -26,9 +26,9 @@ LONGEST_HEADER = 1 << 16
 
 
 def read_points(path: Path) -> tuple[Points, tuple[str, ...]]:
-    """World positions and display sRGB colours of a PLY file, and a sentence where colours are not as usual.
+    """World positions and display sRGB colours of a PLY file, and a sentence on unusual colours.
 
-    Raises DataError for what is no such file, and for positions or colours that cannot be.
+    Raises DataError for any other file, and for impossible positions or colours.
     """
     data = read_bytes(path)
     try:

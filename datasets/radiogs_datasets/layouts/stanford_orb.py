@@ -34,7 +34,7 @@ from .inspection import decode_if_small, inside, inspect, require_distinct, requ
 from .masks import read_mask
 
 SIDE = 512
-"""Pixels that maps are brought to, where they have a whole multiple of it."""
+"""Pixels a side to which larger maps are reduced if their side is a multiple of it."""
 
 TRUE_MAPS = {"albedo": ("pseudo_gt_albedo", ".png"), "normal": ("surface_normal", ".npy"), "depth": ("z_depth", ".npy")}
 """Folder and ending of the ground truth by map."""
@@ -87,7 +87,7 @@ def light_in_the_world(stored: EnvironmentMap, camera_to_world: Float[Tensor, "4
 
 
 def reduced(image: Float[Tensor, "height width channels"]) -> Float[Tensor, "rows columns channels"]:
-    """Area means of SIDE pixels a side, for images that have a multiple of it."""
+    """Area means with SIDE pixels a side, for images whose side is a multiple of it."""
     factor = image.shape[0] // SIDE
     if factor < 2 or image.shape[0] % SIDE or image.shape[1] % factor:
         return image
@@ -95,20 +95,20 @@ def reduced(image: Float[Tensor, "height width channels"]) -> Float[Tensor, "row
 
 
 def ground_truth_folder(folder: Path) -> Path | None:
-    """Where the ground truth of a capture is; None where it was not downloaded."""
+    """The folder of a capture's ground truth; None if it was not downloaded."""
     places = (folder.parent.parent / "ground_truth" / folder.name, folder.parent / "ground_truth" / folder.name)
     return next((place for place in places if place.is_dir()), None)
 
 
 def true_mesh_file(folder: Path) -> Path | None:
-    """The scanned mesh of a capture, in the frame of its cameras; None where it is not there."""
+    """The scanned mesh of a capture, in the frame of its cameras; None if it is missing."""
     truth = ground_truth_folder(folder)
     path = None if truth is None else truth / "mesh_blender" / "mesh.obj"
     return path if path is not None and path.is_file() else None
 
 
 def _truth_of(truth: Path | None, image: Path) -> dict[str, Path]:
-    """The files of a test image's ground truth by map, as far as they are there."""
+    """The existing files of a test image's ground truth, by map."""
     if truth is None:
         return {}
     files = {name: truth / place / f"{image.stem}{end}" for name, (place, end) in TRUE_MAPS.items()}

@@ -8,7 +8,7 @@
 
 Training images are linear and on black (as Blender writes EXR; inferred): they are divided by their mask and shown as
 display sRGB, clipped. Test images, relit images and albedo are sRGB with straight alpha; albedo becomes linear. Maps of
-lights have Z up; negative radiance is set to zero, and said.
+lights have Z up; negative radiance is set to zero, with a note.
 """
 
 import re
@@ -93,7 +93,7 @@ def load_synthetic4relight(folder: Path) -> Scene:
 
 
 def _lights(folder: Path, stems: list[Path]) -> tuple[list[str], dict[str, Path]]:
-    """Lights that there are relit images under, and the files of those and of the training light."""
+    """Lights with relit images, and the files of these lights and of the training light."""
     names = [path.name for path in (folder / "test_rli").glob("*.png")]
     found = {
         match[1]

@@ -7,11 +7,11 @@
 
 Images are display sRGB with straight alpha; albedo is linear; normals are world-space, n / 2 + 1 / 2; cameras are
 camera-to-world in OpenGL axes. TensoIR_Ind has ``indirect.png``: straight sRGB, taken here for outgoing radiance, which
-nothing public confirms; an ``indirect.exr`` goes before it. ``training.hdr`` is the training light where it is known.
+nothing public confirms; an ``indirect.exr`` takes precedence. ``training.hdr`` is the training light, if known.
 TensoIR's archive has a folder ``Environment_Maps`` beside the scenes or one level up; ground truth was rendered under
-its 2k maps, TensoIR's training images under ``sunset``, those of TensoIR_Ind under a light that is not stated, unless
-by ``envmap`` in a view's ``metadata.json``. Scenes that share maps name them in ``lights.json``, each with the
-columns by which it is turned to the right: ``{"training": {"map": "sunset", "turned": 37}, ...}``.
+its 2k maps, TensoIR's training images under ``sunset``, TensoIR_Ind's under an unknown light, unless ``envmap`` in a
+view's ``metadata.json`` states it. Scenes that share maps name them in ``lights.json``, each with the columns by which
+it is turned to the right: ``{"training": {"map": "sunset", "turned": 37}, ...}``.
 """
 
 import re
@@ -170,9 +170,9 @@ def find_lights(folder: Path, relit: Set[str]) -> dict[str, tuple[Path, int]]:
 
 
 def _stated_light(folder: Path) -> str:
-    """The archive's light of the training images: that of a view's ``metadata.json``, else TensoIR's.
+    """The archive's light of the training images, by a view's ``metadata.json``, else TensoIR's.
 
-    Empty where it is not stated and there is ``indirect.png``: nothing public says under what TensoIR_Ind was rendered.
+    Empty if it is not stated and ``indirect.png`` exists: the light of TensoIR_Ind was not published.
     """
     about = next(iter(sorted(folder.glob("train_*/metadata.json"))), None)
     stated = {} if about is None else read_json(about)

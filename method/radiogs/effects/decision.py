@@ -141,7 +141,7 @@ class Evidence:
 def decide(measured: Measured | None, was_off: bool, tolerance: float = TOLERANCE_DB) -> tuple[Verdict, str]:
     """Verdict ("on" or "off") about one effect, with the reason in words. ``tolerance``: dB of PSNR.
 
-    The effect stays on if the probe failed (``measured`` is None) or measured a value that is not finite.
+    The effect stays on if the probe failed (``measured`` is None) or a measured value is not finite.
     """
     if measured is None:
         return "on", "not probed, or the probe failed"

@@ -57,7 +57,7 @@ class CoveredPixels:
     tiles: Int[Tensor, " tiles"]
     """Number of covered pixels in each tile that has any."""
     target: Float[Tensor, "pixels 3"]
-    """The views' target images in these pixels, display sRGB; zero where there is no target."""
+    """The views' target images in these pixels, display sRGB; zero without a target."""
     known: Bool[Tensor, "pixels 1"]
     """Whether there is a target."""
     alpha: Float[Tensor, " pixels"]
@@ -136,7 +136,7 @@ def light_factor(reduced: Float[Tensor, "pixels 3"], full: Float[Tensor, "pixels
     """Factor for each channel that brings the reduced image closest to the full one (least squares, linear RGB).
 
     Images do not determine the brightness of the light separately from that of surfaces: a change that a factor on the
-    light compensates is no loss.
+    light compensates does not count as a loss.
     """
     square = reduced.square().sum(0)
     return torch.where(square > 0, (reduced * full).sum(0) / torch.where(square > 0, square, 1.0), 1.0)

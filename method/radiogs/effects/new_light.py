@@ -33,8 +33,8 @@ CHECKED = 128
 """Number of surfels that are shaded with and without directions drawn from the light."""
 
 REFERENCE_DIRECTIONS = (16384, 8192)
-"""Directions of the reference: over the hemisphere, and drawn from the light. Those over the hemisphere are 1.1 degrees
-apart, and for most surfels they alone would miss a sun half a degree wide."""
+"""Directions of the reference: over the hemisphere, and drawn from the light. Directions over the hemisphere are 1.1
+degrees apart; for most surfels they alone would miss a sun half a degree wide."""
 
 DRAWS = 16
 """Number of times that each surfel's directions are drawn, because a few directions hit a sun only by chance."""
@@ -108,8 +108,8 @@ def reference_colour(surfels: Surfels, light: EnvironmentMap, generator: torch.G
 def widened_light(light: EnvironmentMap) -> EnvironmentMap:
     """The light with each texel raised to its brightest neighbour, as a density to draw directions from.
 
-    Light is interpolated, so a sun extends into the next texels. If directions were drawn from the map itself, those in
-    the next texels would be rare and have large weights (``tests/method/radiogs/effects/test_effect_probe.py``).
+    Light is interpolated, so a sun extends into the next texels. If directions were drawn from the map itself, the ones
+    in the next texels would be rare and have large weights (``tests/method/radiogs/effects/test_effect_probe.py``).
     """
     around = light.radiance.permute(2, 0, 1)[None]
     around = torch.nn.functional.pad(around, (1, 1, 0, 0), mode="circular")
@@ -142,8 +142,8 @@ def scene_under(
 
     ``albedo``: linear, scaled for relighting. ``variant``: rays of relighting. ``offset``: distance from their surfel
     at which rays start, in its standard deviations; None: as in relighting, because images contain the effect of close
-    occluders too, and nothing is learnt that could compensate for it. L_ind is the light scattered by one surface, as
-    in relighting; the surfels' own radiance belongs to the training light.
+    occluders, too, and nothing is learnt that could compensate it. L_ind is the light scattered by one surface, as in
+    relighting; the surfels' own radiance belongs to the training light.
     """
     painted = Surfels.of(surfels.parameters() | {"albedo_logit": torch.logit(albedo.clamp(1e-4, 1 - 1e-4))})
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)

@@ -35,8 +35,8 @@ MICROSECONDS = {
     "coefficients": 0.003, "surfels": 0.8, "pixels": 0.8,
 }  # fmt: skip
 """Microseconds of one CPU core for one unit of each kind of work, forward and backward: traced rays; directions that
-are drawn; samples of L_rad; shaded samples of all surfels, and those with a lobe; coefficients of harmonics; and the
-surfels and pixels of a step, whose work no plan changes. Only their ratios matter."""
+are drawn; samples of L_rad; shaded samples, and shaded samples with a lobe; coefficients of harmonics; and the surfels
+and pixels of a step, whose work no plan changes. Only their ratios matter."""
 
 HITS = 4.0
 """Average number of surfels that a ray blends."""
@@ -69,7 +69,7 @@ class Step:
 
     @classmethod
     def of(cls, variant: Variant, budget: Budget, surfels: int, pixels: int) -> "Step":
-        """A step by a run's settings, with so many surfels and pixels."""
+        """A step by a run's settings, with these numbers of surfels and pixels."""
         return cls(
             surfels, budget.consistency_surfels, budget.incident_samples, budget.refresh_interval,
             variant.materials.directions.sets, pixels,
@@ -111,10 +111,10 @@ STEPS_A_PROBE = 45
 
 
 def why_not_probed(variant: Variant, budget: Budget, step: Step, probes: int) -> str | None:
-    """The reason for which probes of a training do not pay, in words; None if they pay.
+    """Why probes of a training do not pay off, in words; None if they do.
 
-    They pay if a scene that needs no rays would be trained in at most 1 - LEAST_SAVED of the work of all effects, and
-    if the probes themselves take at most MOST_PROBING of it. ``step``: a step of stage 2 with the surfels of stage 1.
+    They pay off if training without rays takes at most 1 - LEAST_SAVED of the work with all effects, and the probes
+    themselves take at most MOST_PROBING of it. ``step``: a step of stage 2 with the surfels of stage 1.
     """
     anyway = cost({"surfels": step.surfels, "pixels": step.pixels})
     each, steps = cost(step.work(EVERYTHING)), budget.inverse_iterations

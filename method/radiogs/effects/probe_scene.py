@@ -47,7 +47,7 @@ class ProbeView:
 
     camera: Camera
     target: Float[Tensor, "height width 3"] | None
-    """The training image of this camera, display sRGB on black; None if there is none."""
+    """The training image of this camera, display sRGB on black; None without one."""
 
 
 @dataclass(frozen=True)

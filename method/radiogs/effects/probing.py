@@ -53,7 +53,7 @@ class Decay:
         return self.energy[1] / self.energy[0] if self.energy[0] > 0 else 0.0
 
     def needed(self, first: float, tolerated: float) -> int:
-        """Number of bounces after which the error of the missing ones is below ``tolerated``.
+        """Number of bounces after which the error of leaving out all further bounces is below ``tolerated``.
 
         ``first``: the error after one bounce. Both are squared errors, which fall by the square of the ratio with every
         further bounce.

@@ -29,7 +29,7 @@ DIRECTIONS = 16
 """Largest number of directions that a probe traces from every surfel; it is at most half of training's."""
 
 BEFORE = EffectPlan(visibility=False, indirect=False, kept=True)
-"""The plan until the first probe, which comes before the first step: no ray is traced in vain."""
+"""The plan until the first probe, before the first step: without rays, so that none is traced in vain."""
 
 
 class Planner:

@@ -28,7 +28,7 @@ class Adam:
     """Adam over named tensors (Kingma and Ba 2015). A tensor's moments begin with its first gradient.
 
     Args:
-        guard: Added to the root of the second moment: epsilon. Smaller gradients than that hardly move a value.
+        guard: Added to the root of the second moment: epsilon. Gradients below it hardly move a value.
     """
 
     def __init__(self, guard: float) -> None:

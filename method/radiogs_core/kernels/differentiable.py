@@ -1,4 +1,4 @@
-"""Operations whose kernels read the given tensors again in the backward pass, and write a gradient to each of them."""
+"""Differentiable operations by a forward and a backward kernel, both of which read the given tensors."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +17,7 @@ def differentiable(
 
     Args:
         kernels: The forward kernel takes ``constants``, ``given`` and the outputs; the backward kernel ``constants``,
-            ``given``, the gradients to the outputs, and those to ``given``, every entry of which it writes.
+            ``given``, the gradients to the outputs, and the gradients to ``given``, of which it writes every entry.
         count: Number of items of both.
         constants: Numbers, and contiguous tensors without gradient.
         shapes: Shapes of the outputs.

@@ -30,7 +30,7 @@ def bell_words(dtype: torch.dtype) -> dict[str, str]:
 def exponential_words(dtype: torch.dtype) -> dict[str, str]:
     """The values of the words in ``exponential`` for a scalar type.
 
-    They are those of ``bell``, and the powers between which results are neither zero nor infinite.
+    They are the words of ``bell``, and the powers between which results are neither zero nor infinite.
     """
     least, largest = ("-746", "710") if dtype == torch.float64 else ("-104", "89")
     return {**bell_words(dtype), "LEAST_POWER": least, "LARGEST_POWER": largest}

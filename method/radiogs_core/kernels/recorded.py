@@ -38,8 +38,8 @@ def compile_for(device: torch.device, kernel: wp.Kernel) -> None:
 def _one_process(module: wp.Module) -> Iterator[None]:
     """Let no other process compile the module within the block.
 
-    Where files cannot be locked, as in a cache that may only be read, processes do not wait: Warp moves what it has
-    compiled to its place as a whole, so they compile in vain but do not disturb each other.
+    Where files cannot be locked, as in a cache that may only be read, processes do not wait: Warp moves compiled
+    modules into place as a whole, so the processes compile twice but do not disturb each other.
     """
     lock = FileLock(Path(str(wp.config.kernel_cache_dir)) / f"{module.name}.lock", fallback_to_soft=False)
     try:

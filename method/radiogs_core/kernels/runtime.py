@@ -106,7 +106,7 @@ _team: int | None = None
 
 
 def use_threads(count: int) -> None:
-    """Run kernels on ``count`` CPU threads, and PyTorch's operations on one thread.
+    """Run kernels on ``count`` CPU threads, and PyTorch's operations on a single one.
 
     PyTorch's own threads wait actively after each operation and take the cores from the kernels (measured: a
     rasterization of 20 ms takes 100 to 200 ms while another process occupies one of two cores). Its operations here

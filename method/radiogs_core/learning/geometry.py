@@ -32,7 +32,7 @@ class GeometryWeights(NotNegative):
     """Factor of both for the image of the surfels' own radiance; the released code leaves this image out of stage 1 in
     three scenes."""
     normal: float = 0.05
-    """Weight of the distance between the surfels' normals and those of the depth map (2DGS), until
+    """Weight of the distance between the surfels' normals and the depth map's normals (2DGS), until
     ``GeometrySchedule.normal_late_from``."""
     normal_late: float = 0.1
     """Weight of this distance afterwards. At 0.2 curved surfaces become flat: the normal error grows by 1.0 degrees on
@@ -44,7 +44,7 @@ class GeometryWeights(NotNegative):
     mask: float = 0.05
     """Weight of the cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.05
-    """Weight of the gradient of the normal map where the image has no edges."""
+    """Weight of the edge-aware smoothness of the normal map: its gradient, except at edges of the image."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class GeometrySchedule:
     normal_smoothness_until: float = 1.0
     """Share until which the loss on neighbouring normals is on (released code: 18,000 of 40,000 steps)."""
     decay_from: float = 0.5
-    """Share from which all learning rates but that of positions decay geometrically, to ``SurfelRates.end_share`` of
+    """Share from which all learning rates except the positions' decay geometrically, to ``SurfelRates.end_share`` of
     their value. Short runs take long steps; at constant rates the surfels would keep oscillating about the optimum."""
     position_decay_until: float = 30_000 / 40_000
     """Share until which the rate of positions decays geometrically to ``SurfelRates.position_end``."""
@@ -76,7 +76,7 @@ class GeometrySchedule:
 
 @dataclass(frozen=True)
 class SurfelRates(NotNegative):
-    """Adam's learning rates of the surfels' parameters; the values are those of 2DGS."""
+    """Adam's learning rates of the surfels' parameters, as in 2DGS."""
 
     position: float = 1.6e-4
     """Rate of positions at the start, in scene extents (see ``Scene.extent``); multiplied by the budget's
@@ -94,7 +94,7 @@ class SurfelRates(NotNegative):
     radiance_rest: float = 0.0025 / 20
     """Rate of the harmonics of higher degrees."""
     end_share: float = 0.05
-    """Share of each rate above, except those of positions, that is left at the end."""
+    """Share of each rate above, except the positions' rates, that is left at the end."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -102,7 +102,7 @@ class SurfelRates(NotNegative):
 
 
 def turning(geometry_rate: float) -> float:
-    """Factor of the learning rate of rotations for a factor ``geometry_rate`` of that of positions: its root.
+    """Factor of the learning rate of rotations: the root of the positions' factor ``geometry_rate``.
 
     A shorter run needs longer steps of the positions, which converge late where images constrain them weakly. Rotations
     converge early; their error is the noise of their steps, which grows with the root of the number of steps. After

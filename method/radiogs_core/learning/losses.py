@@ -29,10 +29,10 @@ def edge_weights(view: TrainingView, sharpness: float, across_silhouettes: bool)
 def counted(
     view: TrainingView, background: float, aim: Aim, blended: Blended, images: Sequence[Float[Tensor, "height width 3"]]
 ) -> tuple[Aim, Blended, Sequence[Float[Tensor, "height width 3"]]]:
-    """The arguments of ``image_terms`` such that pixels that do not count have no loss and no gradient by the photo.
+    """The arguments of ``image_terms`` by which excluded pixels have neither loss nor gradient from the photo.
 
-    There the images are black, the target is what that makes on the ``background``, and coverage has no gradient.
-    Normals, depth and distortion, which no photo is compared with, stay. Where all pixels count, nothing changes.
+    There the images are black, the target is black on the ``background``, and coverage has no gradient. Normals, depth
+    and distortion are not compared with a photo and stay. Without excluded pixels nothing changes.
     """
     if view.valid is None:
         return aim, blended, images
@@ -48,7 +48,7 @@ def counted(
 def crossed(
     first: Float[Tensor, "height width 3"], second: Float[Tensor, "height width 3"]
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "height width 3"]]:
-    """Two images with independent noise, each with the gradient that its losses would have to the other.
+    """Two images with independent noise, with the gradients of their losses exchanged.
 
     The gradient of a loss l(a) of a noisy image a is E[l'(a) da]. The residual l'(a) holds the noise that da holds,
     so that descent also makes the noise small, whatever the mean. E[l'(a) db] with an independent b does not.

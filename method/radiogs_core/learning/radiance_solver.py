@@ -36,11 +36,11 @@ class RenderingEquation:
     light: EnvironmentMap
     """Distant light."""
     albedo: Float[Tensor, "surfels 3"]
-    """Linear albedo, used instead of that of the surfels, because relighting scales it."""
+    """Linear albedo, used instead of the surfels', because relighting scales it."""
     emission: Float[Tensor, "surfels 3"] | None = None
     """Emitted radiance, linear RGB, the same in all directions; None: no surfel emits."""
     parts: tuple[int, ...] = (0, 1, 2, 3)
-    """Indices of the parts of ``shade`` that are summed: all four, or without the specular ones for a furnace."""
+    """Indices of the parts of ``shade`` that are summed: all four, or only the diffuse parts for a furnace."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ class SolverRates:
     """Unit of the rates: the scene's mean radiance under the light, so that a rate suits every light, or one, as in
     training."""
     rest_share: float = 0.05
-    """Share of it that is the rate of higher degrees (3DGS); at 0.25 the noise of fifteen harmonics costs ``corner`` 5
+    """Ratio of the higher degrees' rate to degree 0's (3DGS); at 0.25 the noise of fifteen harmonics costs ``corner`` 5
     dB."""
     last_share: float = 0.02
     """Share of the rates that is left at the end of a cosine schedule; it bounds the noise that samples leave in the

@@ -16,7 +16,7 @@ from ..scene.camera import Camera
 from ..scene.scene import Scene, View
 
 DEPTHS: Mapping[torch.dtype, int] = {torch.uint8: 255, torch.uint16: 65_535}
-"""Types that store the integer levels of 8-bit and 16-bit PNG files, and the level that stands for 1."""
+"""Integer types of the pixels of 8-bit and 16-bit PNG files, and the level that represents 1."""
 
 
 def in_memory(pixels: Float[Tensor, "*shape"], device: torch.device) -> Num[Tensor, "*shape"]:
@@ -56,7 +56,7 @@ beyond it are computed at each use, which takes 15 ns a pixel."""
 
 @dataclass
 class Memory:
-    """Bytes that are left for what is computed of views."""
+    """Bytes that are left for values computed from views."""
 
     left: int = PREPARED_BYTES
     """The bytes."""
@@ -72,8 +72,8 @@ class Memory:
 class TrainingView:
     """One training view on a device: camera, image and coverage.
 
-    A ``decoded`` view keeps by a key all that steps compute of it: for all steps as far as memory allows, and else for
-    as long as it lives.
+    A ``decoded`` view caches values that steps compute from it, by key: for all steps as far as memory allows, else for
+    its own lifetime.
     """
 
     camera: Camera
@@ -87,8 +87,8 @@ class TrainingView:
     memory: Memory = field(default_factory=Memory, compare=False, repr=False)
     """Memory for computed values, shared by all views of a stage."""
     valid: Bool[Tensor, "height width"] | None = field(default=None, compare=False, repr=False)
-    """Pixels that count; None if all do. The others show what does not belong to the scene: no loss may depend on
-    them, neither on the image, which is black there, nor on what the model shows there (``where_valid``)."""
+    """Pixels that count; None if all do. Excluded pixels show things outside the scene: no loss may depend on them,
+    neither on the image, which is black there, nor on the model's rendering there (``where_valid``)."""
     lasting: dict[Hashable, Tensor] = field(default_factory=dict, compare=False, repr=False)
     """Values that are kept for all steps; copies of a view share them, its decoded views among them."""
     passing: dict[Hashable, Tensor] | None = field(default=None, compare=False, repr=False)
@@ -96,7 +96,7 @@ class TrainingView:
 
     @property
     def image(self) -> Float[Tensor, "height width 3"]:
-        """Straight display-sRGB image in [0, 1]; not kept from step to step, for steps ask for what follows from it."""
+        """Straight display-sRGB image in [0, 1]; not kept between steps, because steps use values derived from it."""
         return self.once(
             "image",
             lambda: self.view.read("image").to(self.device) if self.pixels is None else values_of(self.pixels),

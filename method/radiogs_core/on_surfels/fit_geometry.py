@@ -97,7 +97,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         )  # fmt: skip
 
     def _start(self, scene: Scene, views: tuple[View, ...], count: int) -> Surfels:
-        """``count`` initial surfels, or those of the file of splats, made on the CPU: every device starts alike."""
+        """``count`` initial surfels, or the file's splats, made on the CPU so that every device starts alike."""
         generator, linear = torch.Generator().manual_seed(self.seed), self.learning.colour == "linear"
         if self.learning.start.splat:
             surfels = splat_surfels(self.learning.start, [view.camera for view in views], linear)
@@ -139,7 +139,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         return self.optimiser.surfels
 
     def begin_step(self) -> None:
-        """Set the learning rates of this step; after ``schedule.decay_from``, all but that of positions decay."""
+        """Set the learning rates of this step; after ``schedule.decay_from``, all but the positions' decay."""
         begin, end = self.learning.schedule.decay_from, self.learning.rates.end_share
         progress = max(0.0, (self.iteration / self.iterations - begin) / (1 - begin)) if begin < 1 else 0.0
         rates = self._rates(self.geometry_rate)
@@ -190,7 +190,7 @@ class FitGeometry(SurfelStage[Any, Any]):
         return {**further, **image_terms(terms, camera, aim, blended, images)}
 
     def _terms(self, shaded: tuple[str, ...]) -> Terms:
-        """The image losses of this step; ``shaded``: names of the images beside that of L_G."""
+        """The image losses of this step; ``shaded``: names of the images besides L_G's."""
         learning, weights, schedule = self.learning, self.learning.weights, self.learning.schedule
         backgrounds, factor = learning.backgrounds, self.shading.image_weight
         attached = self.shading.geometry_gradient

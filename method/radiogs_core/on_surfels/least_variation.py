@@ -35,7 +35,7 @@ class Pairs(NamedTuple):
     def others(self, log_albedo: Float[Tensor, "points columns"]) -> Float[Tensor, "points others columns"]:
         """Log-albedo of the second points.
 
-        ``index_select``, whose gradient takes a fraction of the time of that of an index in brackets.
+        By ``index_select``, whose gradient takes a fraction of the time of indexing in brackets.
         """
         return log_albedo.index_select(0, self.second.flatten()).view(*self.second.shape, log_albedo.shape[1])
 

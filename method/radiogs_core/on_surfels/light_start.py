@@ -1,4 +1,4 @@
-"""The initial materials and light of stage 2: the light under which albedo varies least, and that albedo.
+"""The initial materials and light of stage 2: the light under which albedo varies least, and the albedo under it.
 
 The radiance of points that training pixels see is R = albedo (T E + B), where E is the light, texel by texel, T the
 diffuse transport from it (visibility times cosine over pi), and B the indirect irradiance over pi, from the radiance of
@@ -47,7 +47,7 @@ class StartingModel(LitSurfels):
     """The initial model of stage 2."""
 
     searched: bool
-    """Whether the light and albedo are those of a search; otherwise both are constant."""
+    """Whether light and albedo were found by a search; otherwise both are constant."""
 
 
 def starting_model(
@@ -138,7 +138,7 @@ def white_surfels(
 ) -> Float[Tensor, "surfels 3"]:
     """Radiance, linear RGB, that the surfels would have under ``light`` if they were white.
 
-    The part by the sky is that of nearby seen points; rays from the surfels themselves meet the ``discs`` of the suns.
+    The sky's part is taken from nearby seen points; rays from the surfels themselves meet the ``discs`` of the suns.
     """
     centre, facing = rays.surfels.centre, rays.surfels.frame[..., 2]
     positions, normals = points.centre.cpu(), points.normal.cpu()

@@ -35,7 +35,7 @@ WHOLE = 0.99
 """Mask coverage from which a pixel shows a single surface."""
 
 OPAQUE = 0.9
-"""Coverage by surfels above which the depth of a pixel is that of a surface."""
+"""Coverage by surfels above which a pixel's depth belongs to a single surface."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ class LengthRule:
     power: float
     """0: rates do not depend on the length. 1: their sum over the stage does not."""
     most: float = 12.0
-    """Largest factor: longer steps than that spoil what they change."""
+    """Largest factor: longer steps destabilise the learnt values."""
 
     def factor(self, steps: int) -> float:
         """The factor for a stage of so many steps.
@@ -56,7 +56,7 @@ class GeometryBudget:
     densify_interval: int
     """Steps between two rounds of density control."""
     rate: float
-    """Factor of the learning rate of positions; its square root is that of rotations. Presets have that of the length
+    """Factor of the learning rate of positions; its square root is the factor of rotations. Presets follow the length
     rule (``POSITIONS``)."""
 
     @classmethod

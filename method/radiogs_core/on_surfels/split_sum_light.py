@@ -99,7 +99,7 @@ def metallic_factor(
 ) -> Float[Tensor, "points 3"]:
     """(F0 A + B) / (0.04 A + B): the factor from a dielectric specular lobe to that of ``normal_reflectance``.
 
-    1 where the lobe is zero, which is at an exactly grazing view. ``cosine``: n.wo.
+    1 where the lobe is zero, at exactly grazing views. ``cosine``: n.wo.
     """
     scale, bias = brdf_integrals(cosine, roughness, masking).unbind(-1)
     dielectric = FRESNEL_NORMAL * scale + bias

@@ -62,7 +62,7 @@ class SurfelStage(ABC, Generic[VariantT, BudgetT]):
         raise NotImplementedError
 
     def product(self) -> dict[str, Any]:
-        """The input of the next stage, or of ``Method.restore``, as plain tensors: those of the model."""
+        """The input of the next stage, or of ``Method.restore``: the model's plain tensors."""
         return self.model.tensors()
 
     def state(self) -> dict[str, Any]:

@@ -38,21 +38,21 @@ class LightStart:
     """Weight of the squared differences of neighbouring texels' log-chromaticity. A coloured sun in a coloured sky is
     not smooth in colour, but it is smoother than the light that explains painted walls by coloured texels."""
     colour: float = 0.003
-    """Weight of the mean squared log-chromaticity of all light together. Indirect light alone tells the colour of light
-    from the colour of paint, and where there is little of it, the search would drift to any colour."""
+    """Weight of the mean squared log-chromaticity of all light together. Only indirect light separates the colour of
+    light from the colour of paint; with little indirect light the search would drift to any colour."""
     white_paint: float = 0.05
     """Weight of the squared difference between the logarithms of the brightest albedo and of ``white``."""
     white: float = 0.75
     """Albedo of white paint."""
     brightest: float = 0.9
     """Quantile of the points' albedo that counts as the brightest: of its largest channel, after a median over each
-    point's neighbours. Without the median, the quantile is one of the errors of normals and visibility, and everything
-    comes out too dark."""
+    point's neighbours. Without the median, errors of normals and visibility dominate the quantile, and the result is
+    too dark."""
     mean_albedo: float = 0.4
     """Albedo of all points under the constant light that the search starts from."""
     turned: float = 0.5
-    """Weight of the distance between normals, relative to that between positions, in standard deviations of the
-    positions, when points near a surfel are searched for."""
+    """Weight of distances between normals relative to distances between positions (in standard deviations of the
+    positions) in the search for points near a surfel."""
     albedo_range: tuple[float, float] = (0.02, 0.95)
     """Smallest and largest initial albedo of surfels."""
 

@@ -28,7 +28,7 @@ TRIAL = 1 / 3
 """Share of a search's steps after which it is judged whether a disc is worth it."""
 
 RADII = (0.25, 1.0, 2.5, 5.0, 10.0)
-"""Radii of discs that are tried, degrees: the first is that of the sun."""
+"""Radii of discs that are tried, degrees; the first is the sun's."""
 
 REFINED = (6.0, 2.0)
 """Radii, in degrees, of the neighbourhoods of the best direction that are searched in turn, in ``TRIED`` directions."""
@@ -73,7 +73,7 @@ class Disc:
     def arriving(
         self, rays: SharedRays, centre: Float[Tensor, "points 3"], normal: Float[Tensor, "points 3"]
     ) -> Float[Tensor, " points"]:
-        """Radiance of white surfaces due to the disc, if those that face it unhidden have unit irradiance."""
+        """Radiance of white surfaces due to the disc, if it gives unhidden surfaces that face it unit irradiance."""
         return rays.arriving(centre, normal, self.directions(SAMPLES))[0].mean(1)
 
 
@@ -133,8 +133,8 @@ def _best(
 ) -> tuple[int, Float[Tensor, "3"]]:
     """Index of the disc that lowers the variation most, and its irradiance, in the colour of the rest of the light.
 
-    ``columns``: V cos / pi of each point and disc. Brightness alone is compared, with each of ``RATIOS``. A disc that
-    gives points less than ``LIT`` is no candidate.
+    ``columns``: V cos / pi of each point and disc. Brightness alone is compared, with each of ``RATIOS``. Discs that
+    give points less than ``LIT`` are excluded.
     """
     shown, level, least = variation.radiance.mean(-1, keepdim=True).log(), white.mean(-1, keepdim=True), math.inf
     best, ratio, mean = 0, RATIOS[0], columns.mean(0)

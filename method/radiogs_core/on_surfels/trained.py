@@ -98,7 +98,7 @@ class Renderer(Protocol):
     """Renders the maps of a view."""
 
     def render(self, camera: Camera, *further: str) -> Maps:
-        """Maps by name, [height, width, channels], on black: those without extra cost, and those of ``further``.
+        """Maps by name, [height, width, channels], on black: all maps without extra cost, and the maps of ``further``.
 
         image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over the
         hemisphere of the indirect radiance that arrives. incident_direct: of the visible light. albedo: linear.
@@ -126,7 +126,7 @@ class Shown:
 
 
 def reduced(budget: object, published: object, *names: str) -> dict[str, str]:
-    """The label ``reduced``: the named fields of a budget that differ from the published ones; empty if none does."""
+    """The label ``reduced``: the named fields of a budget that differ from the published values; empty if none does."""
     lower = sorted(
         f"{name} {getattr(budget, name)} (published: {getattr(published, name)})"
         for name in names
@@ -136,7 +136,7 @@ def reduced(budget: object, published: object, *names: str) -> dict[str, str]:
 
 
 def light_start(light: str, published: str) -> str:
-    """The label of stage 2's initial light (``StartValues.light``), which also names the ``published`` one."""
+    """The label of stage 2's initial light (``StartValues.light``), which also names the ``published`` light."""
     if light == "least-variation":
         return f"shared: the light of least albedo variation (published: {published})"
     return f"constant, by the images' exposure (published: {published})"

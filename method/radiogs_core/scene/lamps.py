@@ -111,7 +111,7 @@ class Sun(Lamp):
         return torch.tensor([x, y, math.sin(elevation)], dtype=torch.float64)
 
     def turned(self, to_map: Float[Tensor, "3 3"]) -> "Sun":
-        """The sun in a world in which a map stands with these axes (``placed_light.rotation_to_map``)."""
+        """The sun in a world in which maps have these axes (``placed_light.rotation_to_map``)."""
         x, y, z = (to_map.T @ self.direction).tolist()
         elevation = math.degrees(math.atan2(z, math.hypot(x, y)))
         return replace(self, azimuth=math.degrees(math.atan2(y, x)), elevation=elevation)

@@ -31,19 +31,18 @@ def require_finite_light(light: EnvironmentMap) -> None:
 
 
 def mean_of_lookup(texels: Float[Tensor, "height width"]) -> Float[Tensor, "height width"]:
-    """Mean over each texel of a map's bilinear lookup: 3/4 of its own value and 1/8 of each neighbour's, both ways."""
+    """Mean over each texel of a map's bilinear lookup: 3/4 of its own value, 1/8 of each neighbour's, by axis."""
     rows = torch.cat([texels[:1], texels, texels[-1:]])
     rows = 0.75 * texels + (rows[:-2] + rows[2:]) / 8
     return 0.75 * rows + (rows.roll(1, 1) + rows.roll(-1, 1)) / 8
 
 
 class LightSampler:
-    """Draws directions from an environment map in proportion to the mean, over each texel, of its brightest channel.
+    """Draws directions from an environment map in proportion to each texel's mean of the brightest channel.
 
-    The mean is that of the bilinear lookup: around a sun of a single texel, the eight texels beside it have 44 % of its
-    light. Inside a texel the direction is uniform in solid angle, so the density is piecewise constant, and ``pdf`` is
-    exact.
-    Raises DataError for a map with a texel that is not finite.
+    The mean is taken over the bilinear lookup: around a sun of a single texel, the eight texels beside it have 44 % of
+    its light. Inside a texel the direction is uniform in solid angle, so the density is piecewise constant, and ``pdf``
+    is exact. Raises DataError for a map with a texel that is not finite.
     """
 
     def __init__(self, light: EnvironmentMap) -> None:

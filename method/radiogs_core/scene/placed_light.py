@@ -1,4 +1,4 @@
-"""A map of distant light, stood in a world with another upward direction, turned about it and strengthened."""
+"""A map of distant light, rotated into a world with another upward direction, turned about it and scaled."""
 
 import math
 
@@ -10,7 +10,7 @@ from .light import EnvironmentMap, texel_directions
 
 
 def rotation_to_map(up: Float[Tensor, "3"], turn: float = 0.0) -> Float[Tensor, "3 3"]:
-    """The rotation from the world to the axes of a map that stands in it, float64.
+    """The rotation from the world to the axes of a map that is placed in it, float64.
 
     ``up``, of any length above zero, becomes +Z by the shortest turn (-Z by half a turn about X); then the map is
     turned about it, by ``turn`` degrees counter-clockwise seen from above.
@@ -33,7 +33,7 @@ FINER = 512
 def placed_light(
     light: EnvironmentMap, up: Float[Tensor, "3"], turn: float = 0.0, strength: float = 1.0
 ) -> tuple[EnvironmentMap, Float[Tensor, "3 3"]]:
-    """A map that stands in a world where ``up`` is up, as a map of that world, times ``strength``; and its axes.
+    """A map placed in a world where ``up`` is up, resampled to that world's axes, times ``strength``; and its own axes.
 
     ``turn``: degrees about ``up``, counter-clockwise seen from above. Rows of the second value: the directions in the
     world of the map's +X (its centre column), +Y and +Z (its top). A map that keeps its place keeps its values.

@@ -83,16 +83,15 @@ class Scene:
     lights: Mapping[str, EnvironmentMap] = field(repr=False)
     """Environment maps for relighting, by name."""
     training_light: EnvironmentMap | None = field(repr=False)
-    """True light of the training views; None where it is not known."""
+    """True light of the training views; None if unknown."""
     checksum: str = field(repr=False)
     """Digest of every file of the scene."""
     repairs: tuple[str, ...] = field(default=(), repr=False)
     """Sentences, one for each thing that the loader repaired or assumed."""
     relight: tuple[View, ...] = field(default=(), repr=False)
-    """Views of the object in other surroundings, each under a light of its own (its only map is
-    ``relit/<light>``)."""
+    """Views of the object in other surroundings, each under a different light (its only map is ``relit/<light>``)."""
     points: Points | None = field(default=None, repr=False)
-    """Sparse points of the reconstruction that gave the cameras; None where there are none."""
+    """Sparse points of the reconstruction that gave the cameras; None without them."""
     folder: Path | None = None
     """Folder of the files; None for a scene that is computed."""
     loaders: tuple[str, ...] = field(default=(), repr=False)
@@ -100,7 +99,7 @@ class Scene:
     options: Mapping[str, Any] = field(default_factory=dict)
     """Options that the scene was opened with, as plain values; empty for a scene without changes."""
     surfaces: Surfaces | None = field(default=None, compare=False, repr=False)
-    """Samples the true surfaces (see ``true_surfaces``); None where they are not known. Generated scenes know them."""
+    """Samples the true surfaces (see ``true_surfaces``); None if unknown. Generated scenes know them."""
     surfaces_by: tuple[str, ...] = field(default=(), repr=False)
     """Modules that define ``surfaces``. Their sources are part of the key of a cell that uses it."""
 

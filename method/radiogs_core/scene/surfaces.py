@@ -22,7 +22,7 @@ class SurfaceSamples:
     roughness: Float[Tensor, " samples"]
     """Perceptual roughness r (alpha_GGX = r^2)."""
     emission: Float[Tensor, "samples 3"] | None = None
-    """Emitted radiance, linear RGB, the same in all directions; None where no surface emits."""
+    """Emitted radiance, linear RGB, the same in all directions; None if no surface emits."""
     specular: bool = True
     """Whether the surfaces have a specular lobe beside the Lambertian one."""
 

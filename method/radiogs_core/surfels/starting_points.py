@@ -48,8 +48,8 @@ class SurfelStart:
     candidates: int = 128
     """Largest number of candidate points for each surfel, in the hull."""
     consistent_share: float = 1.0
-    """Share of the candidates inside the hull, those of the most consistent colour, that surfels are chosen from, in
-    (0, 1]."""
+    """Share of the candidates inside the hull that surfels are chosen from, most consistent colours first, in (0,
+    1]."""
     opacity: float = 0.1
     """Initial peak opacity of surfels that start in the hull or the box, as in 3DGS."""
     albedo: float = 0.5
@@ -61,7 +61,7 @@ class SurfelStart:
     splat_sha256: str = ""
     """SHA-256 of this file, in hexadecimal."""
     splat_skips: float = 0.5
-    """Share of stage 1's steps that a start from splats leaves out, those at the beginning (docs/datasets.md)."""
+    """Share of stage 1's steps that a start from splats skips, at the beginning (docs/datasets.md)."""
 
     def __post_init__(self) -> None:
         require(self, "one or above", "candidates")
@@ -189,7 +189,7 @@ class Silhouette:
     covered: Bool[Tensor, "height width"] | None
     """Whether each pixel shows the object; None for a view without alpha, which is all object."""
     valid: Bool[Tensor, "height width"] | None = None
-    """Whether each pixel counts; None if all do. The others are as good as outside the frame."""
+    """Whether each pixel counts; None if all do. Excluded pixels count as outside the frame."""
 
     @classmethod
     def of(cls, view: View) -> "Silhouette":

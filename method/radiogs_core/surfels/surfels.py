@@ -242,7 +242,7 @@ def inverse_sigmoid(value: float) -> float:
 
 
 def require_roughness(settings: Any) -> None:
-    """Raise UsageError unless the field ``roughness`` of some settings lies between ROUGHNESS_FLOOR and 1."""
+    """Raise UsageError unless the field ``roughness`` of ``settings`` lies between ROUGHNESS_FLOOR and 1."""
     if not ROUGHNESS_FLOOR < settings.roughness < 1:
         raise UsageError(f"roughness: {settings.roughness} is not above {ROUGHNESS_FLOOR} and below 1")
 

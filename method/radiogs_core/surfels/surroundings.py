@@ -35,11 +35,11 @@ class SurroundingsStart:
     candidates: int = 8
     """Number of depths that are tried on each ray."""
     compared: int = 4
-    """Number of views in which the candidates' colours are compared: those of the nearest cameras."""
+    """Number of views, with the nearest cameras, in which the candidates' colours are compared."""
     farthest: float = 100.0
     """Farthest depth, in units of the camera's distance from the scene's centre."""
     width_quantile: float = 0.9
-    """Initial scales, in pixels, are clipped at this quantile of theirs, because sparse points have outliers."""
+    """Initial scales, in pixels, are clipped at this quantile of themselves, because sparse points have outliers."""
     least_pixels: float = 0.5
     """Smallest initial scale, in pixels of the view in which a pixel is narrowest there."""
 
@@ -123,7 +123,7 @@ def disagreement(
     points: Float[Tensor, "rays candidates 3"], colours: Float[Tensor, "rays 3"], views: Sequence[View]
 ) -> Float[Tensor, "rays candidates"]:
     """Mean squared difference, display sRGB, between the colour of a ray and the colours that views show at points on
-    it; infinite at a point outside all views, or only at pixels of them that do not count."""
+    it; infinite at a point that all views show at excluded pixels or not at all."""
     flat, expected = points.flatten(0, 1), colours.repeat_interleave(points.shape[1], 0)
     total, count = torch.zeros(len(flat)), torch.zeros(len(flat))
     for view in views:

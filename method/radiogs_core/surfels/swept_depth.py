@@ -31,9 +31,9 @@ class DepthSweep:
     planes: int = 48
     """Number of depths that are tried."""
     neighbours: int = 16
-    """Number of views that each view is matched with: those in the nearest directions from the scene's centre."""
+    """Number of views that each view is matched with, in the nearest directions from the scene's centre."""
     agreeing: int = 6
-    """Number of these views, those with the lowest costs, that decide: a surface may be hidden from the others."""
+    """Number of these views that decide, lowest costs first: a surface may be hidden from the others."""
     window: int = 3
     """Side, in pixels, of the square over which colour differences are averaged; odd."""
     step: float = 0.00125
@@ -168,7 +168,7 @@ def _along(
 def lowest(
     cost: Float[Tensor, "planes rows columns"], planes: Float[Tensor, " planes"]
 ) -> Float[Tensor, "rows columns"]:
-    """Depth of the least cost, refined between planes by the parabola through its cost and those of both neighbours."""
+    """Depth of the least cost, refined between planes by a parabola through it and its two neighbours."""
     best = cost.argmin(0).clamp(1, len(planes) - 2)
     before, here, after = (cost.gather(0, (best + shift)[None])[0] for shift in (-1, 0, 1))
     bend = before + after - 2 * here

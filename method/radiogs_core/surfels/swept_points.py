@@ -35,7 +35,7 @@ def swept_points(
     display-sRGB colours.
 
     Depths are searched within ``radius`` of the scene's centre, in world units. Points are ``fused`` and evenly
-    ``spread``. There are none with a single view, which has no depth.
+    ``spread``. A single view has no depth and yields no points.
     """
     if len(views) < 2:
         return torch.zeros(0, 3), torch.zeros(0, 3), torch.zeros(0, 3)
@@ -53,8 +53,8 @@ def swept_points(
 def _surface(view: SmallView, depth: Float[Tensor, "height width"], tolerance: float) -> tuple[Tensor, Tensor, Tensor]:
     """World points, unit normals and colours of a view's covered pixels.
 
-    Each point is the mean of its neighbours, weighted by how similar their depth is; the normal is that of the plane
-    through them.
+    Each point is the mean of its neighbours, weighted by how similar their depth is; the normal belongs to the plane
+    fitted to them.
     """
     camera, side = view.camera, 2 * REACH + 1
     points = camera.centre + camera.ray_directions() * depth[..., None]

@@ -1,4 +1,4 @@
-"""Surfels as PLY files of other programs, with the attributes of those programs only; colours are display sRGB.
+"""Surfels as PLY files for other programs, with those programs' attributes only; colours are display sRGB.
 
 | form | content |
 |---|---|

@@ -12,8 +12,8 @@ from ..scene.camera import Camera
 from ..surfels.surfels import Surfels
 
 MOST_PIXELS = 800 * 800
-"""Largest number of pixels that are blended; in a larger image each stands for several. A pass over 180 views of
-1560 x 1040 pixels then takes a quarter of the time, and no visible surfel is smaller than such a pixel in all views."""
+"""Largest number of pixels that are blended; in a larger image each represents several. A pass over 180 views of 1560 x
+1040 pixels then takes a quarter of the time, and no visible surfel is smaller than such a pixel in all views."""
 
 
 def blending_weights(camera: Camera, surfels: Surfels) -> Float[Tensor, " surfels"]:

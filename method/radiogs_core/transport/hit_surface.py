@@ -58,7 +58,7 @@ def hit_features(
 ) -> Float[Tensor, "surfels _"]:
     """Features that rays blend for ``hit_radiance``, 7 or 8 channels: normal (3), albedo (3), roughness (1), openness.
 
-    ``albedo``: used instead of that of ``surfels``, because relighting may scale it. ``is_open``: ``openness`` of each
+    ``albedo``: used instead of ``surfels.albedo``, because relighting may scale it. ``is_open``: ``openness`` of each
     surfel; None leaves that channel out.
     """
     known = [] if is_open is None else [is_open[:, None]]

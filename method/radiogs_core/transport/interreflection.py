@@ -73,7 +73,7 @@ def bounced_incident(
 ) -> Incident:
     """Incident light whose L_ind has met up to ``bounces`` surfaces, and an estimate of what would follow.
 
-    ``albedo``: linear, used instead of that of the surfels. ``environment``: distant light, linear RGB, lat-long.
+    ``albedo``: linear, used instead of the surfels'. ``environment``: distant light, linear RGB, lat-long.
     ``directions``: unit directions and their solid angles. ``plan``: the effects that are traced; the others have the
     substitutes (``SurfelTracer.untraced``). ``lamps``: their light on the surfels (``lamp_light``), which L_ind begins
     with, too.
@@ -131,8 +131,8 @@ def summed(
 ) -> Float[Tensor, "surfels 3"]:
     """The sum of a series of radiances: ``count`` terms, each ``again`` of the one before, and the rest by estimate.
 
-    The rest is that of a geometric series, whose ratio is that of the last two terms, summed over surfels, of each
-    channel, and at most MOST_LEFT. A single term has no ratio, and nothing is added to it.
+    The rest is a geometric series for each channel, whose ratio is the last two terms' (summed over surfels), at most
+    MOST_LEFT. A single term has no ratio, and nothing is added.
     """
     total = term = first
     for number in range(1, count):
@@ -156,7 +156,7 @@ def light_paths(
     """Whether surfels at ``index`` see the light along ``sphere_directions(SEEN)``, and which surfels they meet.
 
     They see it where V is at least one half, along the ABOVE directions of the largest cosine. Surfels are met along
-    MET of them, drawn by the cosine: the mean over MET is that over the hemisphere. -1: the light, or a surfel's back.
+    MET of them, drawn by the cosine: their mean stands for the hemisphere's. -1: the light, or a surfel's back.
     """
     normal = tracer.surfels.frame[..., 2]
     along, found = sphere_directions(SEEN).to(normal), []

@@ -100,7 +100,7 @@ def _turns(height: int) -> int:
 @cache
 def filter_matrices(height: int, device: torch.device) -> Complex[Tensor, "frequencies grid texels"]:
     """For each frequency, the matrix from texels of a light to points of the grid: first the diffuse filter's points,
-    then those of each glossy filter.
+    then each glossy filter's.
 
     The glossy kernel is nvdiffrec's: view and normal along the mirrored direction, weight D(h) (n.wi) per solid angle.
     """

@@ -42,7 +42,7 @@ def shaded_maps(
     Args:
         camera: Camera of the view.
         surfels: The model.
-        albedo: Linear albedo, used instead of that of ``surfels``, because relighting scales it.
+        albedo: Linear albedo, used instead of ``surfels.albedo``, because relighting scales it.
         incident: Incident light of every surfel.
         environment: Distant light, linear RGB, lat-long (see ``light``).
         specular_at: Whether each surfel has a specular lobe; None: all have one.

@@ -2,9 +2,9 @@
 
 A ray meets one of the surfels that it hits with the probability of that surfel's weight in the blend of ``trace``; the
 path goes on from that surfel's centre, as all rays of a surfel do. At every surfel two rays are traced: one is drawn
-from the light and one from the BRDF, and both bring distant light by the balance heuristic. The one from the BRDF goes
-on. Materials are those that images are shaded with, the specular lobe included, and paths have no last bounce: they end
-by Russian roulette. So the mean over paths is the radiance that the model's own surfels have under the light.
+from the light and one from the BRDF, and both bring distant light by the balance heuristic. The ray from the BRDF
+continues the path. Materials are the same as in images, with the specular lobe, and paths have no last bounce: they end
+by Russian roulette. So the mean over paths is the radiance of the model's own surfels under the light.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ LEAST_SHARE = 0.1
 
 @dataclass(frozen=True)
 class Met:
-    """The hits of rays: visibility, one of the surfels that each ray hits, and how much of its light is theirs."""
+    """The hits of rays: visibility, one of the surfels that each ray hits, and the surfels' share of its light."""
 
     visibility: Float[Tensor, " rays"]
     """V of the distant light (``visibility_of``)."""
@@ -52,7 +52,7 @@ class _Vertices:
     """Number of the ray that the path belongs to."""
     surfel: Int[Tensor, " paths"]
     outgoing: Float[Tensor, "paths 3"]
-    """Unit direction from the surfel to where the path has come from."""
+    """Unit direction from the surfel back along the path."""
     throughput: Float[Tensor, "paths 3"]
     """Factor of the radiance that the surfel sends along ``outgoing``."""
 
@@ -66,7 +66,7 @@ class PathTracer:
 
     Args:
         tracer: Traces the rays.
-        albedo: Linear albedo, used instead of that of the surfels, because relighting scales it.
+        albedo: Linear albedo, used instead of the surfels', because relighting scales it.
         light: Distant light.
         generator: Draws directions, surfels and the ends of paths.
         specular_at: Whether each surfel has a specular lobe (None: all); see ``shading.lambert_albedo``.
@@ -96,7 +96,7 @@ class PathTracer:
         weight: Float[Tensor, "surfels samples"],
         after_chunk: Callable[[], None] = lambda: None,
     ) -> Incident:
-        """V along given directions, and L_ind as one path a direction finds it.
+        """V along given directions, and L_ind estimated by one path per direction.
 
         ``after_chunk`` is called after the paths of some surfels; it may raise to end it.
         """
@@ -111,7 +111,7 @@ class PathTracer:
     def along(
         self, index: Int[Tensor, " chosen"], direction: Float[Tensor, "chosen samples 3"]
     ) -> tuple[Float[Tensor, "chosen samples"], Float[Tensor, "chosen samples 3"]]:
-        """V along directions from the surfels at ``index``, and L_ind as one path a direction finds it."""
+        """V along directions from the surfels at ``index``, and L_ind estimated by one path per direction."""
         met = drawn_hit(self.tracer.hits(index, direction), self._uniform)
         arriving = torch.zeros_like(direction).flatten(0, 1)
         first = torch.arange(len(arriving), device=arriving.device)
@@ -186,8 +186,8 @@ class PathTracer:
 def drawn_hit(lists: HitLists, uniform: Callable[[int], Tensor]) -> Met:
     """One of the hits of each ray. ``uniform`` draws numbers in [0, 1).
 
-    With transmittance T, hit k has the probability w_k / (1 - T): it is the first hit after which less is left of the
-    ray than 1 - u (1 - T). A ray that ended early counts as fully covered (``visibility_of``).
+    With transmittance T, hit k has the probability w_k / (1 - T): it is the first hit behind which the transmittance is
+    below 1 - u (1 - T). A ray that ended early counts as fully covered (``visibility_of``).
     """
     begin, end = lists.begin[:-1], lists.begin[1:]
     # Logarithms of what is left of a ray, summed over the hits of all rays: float64 keeps the digits of single rays.

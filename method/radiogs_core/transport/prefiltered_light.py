@@ -57,7 +57,7 @@ class PrefilteredLight:
         return every[0], every[1:]
 
     def irradiance(self, normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-        """Unoccluded irradiance over pi, linear RGB: the radiance of a white Lambertian surface with that normal."""
+        """Unoccluded irradiance over pi, linear RGB: the radiance of a white Lambertian surface with this normal."""
         return look_up(self.diffuse, normal)
 
 

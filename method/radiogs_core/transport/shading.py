@@ -43,7 +43,7 @@ def lambert_albedo(
     """Lambertian albedo of each surfel: its albedo, plus ``lobe_albedo`` where it has no specular lobe.
 
     ``specular_at``: whether each surfel has a lobe (None: all). Roughness gets no gradient: without a lobe it only
-    changes the brightness, which albedo explains as well, so errors of albedo and light would move it.
+    changes the brightness, as albedo does, so errors of albedo and light would move it.
     """
     if specular_at is None:
         return albedo

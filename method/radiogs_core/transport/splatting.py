@@ -131,6 +131,6 @@ def depth_normals(points: Float[Tensor, "height width 3"], toward: Tensor) -> Fl
 
 
 def unit_or_zero(vectors: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-    """Vectors of length 1; those of length zero stay zero."""
+    """Vectors of length 1; zero vectors stay zero."""
     length = vectors.square().sum(-1, keepdim=True)
     return vectors * torch.where(length > 0, length, torch.inf).rsqrt()

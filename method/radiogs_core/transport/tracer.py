@@ -127,7 +127,7 @@ class SurfelTracer:
     ) -> tuple[Float[Tensor, "chosen samples"], Float[Tensor, "chosen samples 3"]]:
         """V and L_ind along rays with known ``hits``, from surfels that send ``radiance`` (linear RGB) to their front.
 
-        They are those of ``incident`` for surfels with that radiance in all directions; without gradient.
+        The values equal ``incident`` for surfels with this radiance in all directions; without gradient.
         """
         rays, none = direction.flatten(0, 1), radiance.new_zeros(len(radiance), 0)
         # In units of the brightest surfel: harmonics are added to 1/2, where a dim light would lose its digits.

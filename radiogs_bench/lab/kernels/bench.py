@@ -43,7 +43,7 @@ class MeasuredPass:
     counters: dict[str, float]
     """Work counters for each item, of both passes together."""
     yardstick: str | None
-    """Name of the yardstick; None if there is none."""
+    """Name of the yardstick; None for a kernel without one."""
     ratio: float | None
     """Median ratio of the yardstick's seconds to the kernel's, pass by pass; a yardstick without a backward pass is
     compared by its forward seconds."""
@@ -171,5 +171,5 @@ def as_table(rows: Sequence[MeasuredPass], on_gpu: bool) -> "Table":
 
 
 def _counter(row: MeasuredPass, *names: str, digits: int = 1, unit: int = 1) -> str:
-    """The first of these counters that the kernel has, in units of ``unit``; empty where it has none of them."""
+    """The first of these counters that the kernel has, in units of ``unit``; empty if it has none."""
     return next((f"{row.counters[name] / unit:.{digits}f}" for name in names if name in row.counters), "")

@@ -54,7 +54,7 @@ class Case:
     backward: Callable[[], Callable[[], object]]
     """Runs the forward pass, and returns a function that runs the backward pass."""
     yardstick: Yardstick | None
-    """The same work by another library; None if there is none."""
+    """The same work by another library; None without a yardstick."""
 
 
 def trace_case(scene: KernelScene, dtype: torch.dtype, device: torch.device) -> Case:

@@ -1,4 +1,4 @@
-"""Measures seconds and peak memory of a function."""
+"""Measures seconds and peak memory of functions."""
 
 import resource
 import time
@@ -12,7 +12,7 @@ from ...store import provenance
 
 
 def seconds(work: Callable[[], object], device: torch.device) -> float:
-    """Seconds of the function: on the CPU processor time of this process, unaffected by others; on CUDA wall time."""
+    """Seconds of the function: on the CPU processor time, which other processes do not affect; on CUDA wall time."""
     clock = time.perf_counter if device.type == "cuda" else processor_seconds
     provenance.wait_for(device)
     start = clock()

@@ -2,7 +2,7 @@
 
 S   a sphere above a plane, 4,096 surfels, 2^14 rays from their visible sides
 M   100,000 surfels over a closed blob with deep hollows, 2^18 rays outwards: 42 % hit something, 5 hits per ray
-Mi  the blob of M seen from inside: every ray hits something, 15 hits per ray
+Mi  the blob of scene M seen from inside: every ray hits something, 15 hits per ray
 
 and, from a file of points, real geometry of uneven density.
 """
@@ -24,7 +24,7 @@ from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.transport.sampling import tangent_frame
 
 OVERLAP = 0.93
-"""Standard deviations over the spacing of M's surfels; it gives the hits per ray stated above."""
+"""Standard deviations over the spacing of M's surfels; this value gives the hits per ray stated above."""
 
 SPREAD = 0.4
 """Standard deviation of the logarithm of each surfel's two scales."""

@@ -25,7 +25,7 @@ FACTOR = 4.0
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a size was not rehearsed, or not to its end. fits: whether there is memory for it."""
+    """Why a size was not rehearsed, or not completely. ``fits``: whether memory suffices."""
 
     size: int | None
     fits: bool
@@ -34,7 +34,7 @@ class Refusal:
 
 @dataclass(frozen=True)
 class Rehearsal:
-    """The measurements by size, of which the last may lack phases, and why it ended before the last size, if it did."""
+    """The measurements by size; the last may lack phases. ``refusal``: why larger sizes were not rehearsed, if so."""
 
     rungs: Sequence[SizeResult]
     refusal: Refusal | None
@@ -107,7 +107,7 @@ def _measured(plan: Plan, size: int | None, folder: Path, progress: Progress) ->
 
 
 def _broken_off(rung: SizeResult, memory: Mapping[str, int]) -> Refusal | None:
-    """Why no further size is tried after this one; None where it went through and fits."""
+    """Why no larger size is tried after this one; None if it completed and fits."""
     if rung.stopped:
         last = rung.phases[-1].title if rung.phases else "the beginning"
         return Refusal(rung.size, True, f"it was stopped after '{last}'")
@@ -119,7 +119,7 @@ def _broken_off(rung: SizeResult, memory: Mapping[str, int]) -> Refusal | None:
 def refusal_of(
     rungs: Sequence[SizeResult], size: int | None, memory: Mapping[str, int], seconds: float
 ) -> Refusal | None:
-    """Why a size should not be tried with ``memory`` (bytes) and ``seconds``, by what smaller ones took; else None."""
+    """Why not to try a size with ``memory`` (bytes) and ``seconds``, judged by smaller sizes; None if it may fit."""
     if not rungs or size is None:
         return None
     if len(rungs) > 1:  # one size does not tell what of the memory grows with it

@@ -9,7 +9,7 @@ from .phases import Phase
 
 @dataclass(frozen=True)
 class SizeResult:
-    """The phases that were measured at one size of the model."""
+    """Measurements of all phases at one size of the model."""
 
     size: int | None
     """Size of the model; None if the method does not report one."""
@@ -23,7 +23,7 @@ class SizeResult:
     seconds: float
     """Total seconds."""
     busy: float
-    """Mean number of cores that the process had: below 1 if others share the machine, above 1 with several threads."""
+    """Mean number of cores in use: below 1 if other processes share the machine, above 1 with several threads."""
     broke_at: str | None = None
     """Title of the phase that memory was too small for; None if memory sufficed."""
     stopped: bool = False
@@ -35,7 +35,7 @@ class SizeResult:
         return self.broke_at is None and not self.stopped
 
     def named(self) -> dict[tuple[str, str], Phase]:
-        """The phases by row-independent place in order: keys of stages differ between sizes, their order does not."""
+        """The phases by the position of their key, and title: keys differ between sizes, their order does not."""
         numbers: dict[str, int] = {}
         for phase in self.phases:
             numbers.setdefault(phase.key, len(numbers))
@@ -45,7 +45,7 @@ class SizeResult:
 def extended(rungs: Sequence[SizeResult], size: int) -> list[Phase]:
     """The phases at another size: seconds and bytes on the line through the last two rungs, never falling with size.
 
-    The standard error of seconds is that of a line through two measured means.
+    The standard error of seconds follows from a line through two measured means.
     """
     earlier, last = rungs[-2], rungs[-1]
     assert earlier.size is not None
@@ -64,11 +64,11 @@ def extended(rungs: Sequence[SizeResult], size: int) -> list[Phase]:
 
 
 def _line(before: float, here: float, further: float) -> float:
-    """A value ``further`` beyond the second of two, in steps of their distance."""
+    """Extrapolate two values by ``further`` steps of their distance beyond the second."""
     return here + max(0.0, here - before) * further
 
 
 def peak(phases: Sequence[Phase], where: str) -> tuple[int, str]:
-    """Most bytes of any phase, and which that is; (0, "") where none were measured there."""
+    """Largest peak bytes of any phase, and the phase's title; (0, "") without a measurement at that place."""
     most = max(phases, key=lambda phase: phase.peaks.get(where, 0), default=None)
     return (0, "") if most is None or where not in most.peaks else (most.peaks[where], most.title)

@@ -50,7 +50,7 @@ KNOWN_DEVICES: Mapping[str, KnownDevice] = {
 
 
 def memory_there(device: torch.device) -> dict[str, int]:
-    """Bytes that this process can have by place: of the machine what is free beside what it has already."""
+    """Bytes available to this process, by place; the machine's memory counts free bytes plus those already held."""
     found = {"host": int(psutil.virtual_memory().available) + resident()}
     if device.type == "cuda":
         free, _ = torch.cuda.mem_get_info(device)
@@ -59,13 +59,13 @@ def memory_there(device: torch.device) -> dict[str, int]:
 
 
 def give_memory_back() -> None:
-    """Return to the system what Python and the allocator keep for later: it would count as the next size's."""
+    """Return memory that Python and the allocator cache to the system, so that the next size is not charged for it."""
     gc.collect()
     return_freed_memory()
 
 
 def in_use(device: torch.device) -> dict[str, int]:
-    """Bytes that this process has by place."""
+    """Bytes that this process holds, by place."""
     used = {"host": resident()}
     return used | {"device": torch.cuda.memory_allocated(device)} if device.type == "cuda" else used
 
@@ -81,7 +81,7 @@ def speed_of(device: torch.device) -> Speed:
 
 
 def _fastest(device: torch.device, do: Callable[[], object]) -> float:
-    """Seconds of the fastest of a few repetitions; the others waited for the machine."""
+    """Seconds of the fastest of a few repetitions, which other processes delayed least."""
     taken = []
     for _ in range(REPEATS):
         started = time.perf_counter()

@@ -26,7 +26,7 @@ from .plan import STEPS, Plan, RehearsedRow
 
 
 class Enough(Exception):
-    """So many steps of a preparation were seen as are needed."""
+    """Ends a preparation once enough of its steps were seen."""
 
 
 class RowRehearsal:
@@ -42,7 +42,7 @@ class RowRehearsal:
         self.cell: Cell = cell_of(row.method, self.scene, work, row.found_as)
 
     def all(self) -> list[str]:
-        """Every phase; returns the keys of those that are part of this row's whole run."""
+        """Measure every phase; returns the keys of all phases in this row's whole run."""
         trained = self.train()
         model = str(self.cell.training_key)
         keys = [*(stage.key for stage in self.cell.stages), f"{model} shown"]
@@ -61,13 +61,13 @@ class RowRehearsal:
         return keys
 
     def _new(self, key: str) -> bool:
-        """Whether no row before this one has done it."""
+        """Whether no earlier row has measured this phase."""
         new = key not in self.seen
         self.seen.add(key)
         return new
 
     def train(self) -> Trained:
-        """The stages that no row before this one has gone through, and the model that they leave."""
+        """Train the stages that no earlier row has measured; returns the model after them."""
         with calling(self.name, "stages()"):
             specs = self.row.method.stages(self.short.variant, self.short.budget)
         held: Held = [{}]
@@ -111,7 +111,7 @@ class RowRehearsal:
             stage.restore(stored["state"])
 
     def _steps(self, spec: StageSpec, stage: Stage, key: str) -> None:
-        """Take the steps of every kind; the stage's very first one stands apart, as it sets things up."""
+        """Take steps of every kind; the stage's first step is a phase of its own, because it sets things up."""
         kinds = self.short.kinds[spec.name]
         last = max(max(kind.steps) for kind in kinds if kind.steps)
         seconds: list[float] = []
@@ -166,7 +166,7 @@ class RowRehearsal:
         on_black(prepared, camera.to(self.device, torch.float32), *further, method=self.name)
 
     def relight(self, way: Relighting, light: EnvironmentMap, key: str) -> None:
-        """Prepare for another light with few steps, and render a frame; nothing where the method does not relight."""
+        """Prepare another light with few steps, and render a frame; does nothing for a method without relighting."""
         product = self.store.tensors(product_name(str(self.cell.training_key)), self.device)
         assert product is not None
         model = restored(self.row.method, self._run(way.variant), product["product"])

@@ -31,7 +31,7 @@ class Phase:
     peaks: Mapping[str, int]
     """Peak bytes by kind of memory ("host": resident set of the process, "device": CUDA allocator)."""
     extended_error: float | None = None
-    """Error of seconds that are extrapolated from other sizes; None for measured seconds."""
+    """Standard error of extrapolated seconds; None for measured ones."""
 
     @property
     def mean(self) -> float:
@@ -40,7 +40,7 @@ class Phase:
 
     @property
     def error(self) -> float:
-        """Standard error of the mean, seconds; zero for a single repetition, which does not tell one."""
+        """Standard error of the mean, seconds; zero for a single repetition."""
         if self.extended_error is not None:
             return self.extended_error
         count = len(self.seconds)
@@ -53,7 +53,7 @@ class TooLarge(Exception):
 
 @dataclass
 class Phases:
-    """The phases that were measured, in order; ``clock`` may count only seconds for which the process had a core."""
+    """The measured phases in order; ``clock`` may count only seconds for which the process had a core."""
 
     device: torch.device
     clock: Callable[[], float] = time.perf_counter
@@ -68,7 +68,7 @@ class Phases:
         return result
 
     def begin(self) -> None:
-        """Peaks count from here."""
+        """Reset the peaks of memory."""
         reset_peaks(self.device)
 
     def timed(self, title: str, do: Callable[[], Result]) -> tuple[Result, float]:
@@ -85,13 +85,13 @@ class Phases:
         return result, self.clock() - started
 
     def end(self, title: str, key: str, whole: int, seconds: Sequence[float]) -> None:
-        """Keep a phase whose peaks are those since ``begin``."""
+        """Store a phase with the peaks since ``begin``."""
         self.done.append(Phase(title, key, tuple(seconds), whole, peak_memory(self.device)))
         self.say(f"{title}: {self.done[-1].mean:.2f} s, {self.done[-1].peaks['host'] / 2**30:.2f} GiB")
 
 
 def of_memory(error: BaseException | None) -> bool:
-    """Whether an exception, or one that it was raised from, says that memory does not suffice."""
+    """Whether an exception, or a cause of it, reports a lack of memory."""
     while error is not None:
         if isinstance(error, (MemoryError, torch.cuda.OutOfMemoryError)):
             return True

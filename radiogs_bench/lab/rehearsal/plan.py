@@ -1,4 +1,4 @@
-"""The plan of a rehearsal: rows with the few steps that are taken of them, the scene, and the bounds."""
+"""The plan of a rehearsal: rows and their short runs, the scene, and the bounds."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -18,12 +18,12 @@ STEPS = 4
 """Steps of each stage of a method that cannot shorten its runs."""
 
 CLOCKS: Mapping[str, Callable[[], float]] = {"wall": time.perf_counter, "core": time.process_time}
-"""Clocks by name: seconds that pass, and those for which this process has a core."""
+"""Clocks by name: wall time, and time for which this process has a core."""
 
 
 @dataclass(frozen=True)
 class RehearsedRow:
-    """A row to be rehearsed: its method, as it was found, and its variant and budget in the whole run."""
+    """A row to be rehearsed: its method, and the variant and budget of its whole run."""
 
     key: str
     method: Method
@@ -32,11 +32,11 @@ class RehearsedRow:
     budget: Any
 
     def sizes(self) -> tuple[int, int] | None:
-        """The size of its models at the start, and at most; None for a method that does not say."""
+        """Sizes of its models: at the start and at most; None if the method does not report sizes."""
         return self.method.sizes(self.budget) if isinstance(self.method, Rehearsing) else None
 
     def short(self, size: int | None) -> ShortRun:
-        """A run of few steps with models of this size (None: as at the start). Raises UsageError for program stages."""
+        """A run of few steps with models of this size (None: initial size). Raises UsageError for program stages."""
         if isinstance(self.method, Rehearsing) and size is not None:
             return self.method.short_run(self.variant, self.budget, size)
         with calling(self.method.name, "stages()"):
@@ -53,14 +53,14 @@ class RehearsedRow:
 
 
 def size_range(rows: Sequence[RehearsedRow]) -> tuple[int, int] | None:
-    """The least size at which a row's models begin, and the largest of any; None where no method says."""
+    """The smallest initial size of the rows' models, and the largest of all; None if no method reports sizes."""
     known = [sizes for row in rows if (sizes := row.sizes()) is not None]
     return (min(first for first, _ in known), max(last for _, last in known)) if known else None
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A rehearsal as it was asked for."""
+    """The input of a rehearsal."""
 
     name: str
     """Name of the suite or scene."""
@@ -76,7 +76,7 @@ class Plan:
     seconds: float
     """Seconds after which no larger size is begun."""
     sizes: Sequence[int] = ()
-    """Sizes of the models, ascending; none: those of ``climb.sizes_of``."""
+    """Sizes of the models, ascending; empty: ``climb.sizes_of`` chooses them."""
     clock: str = "wall"
     """The clock of ``CLOCKS`` that phases are timed by."""
     other_device: str | None = None

@@ -59,13 +59,13 @@ def record_of(plan: Plan, climbed: Rehearsal) -> Plain:
 
 
 def fits(content: Mapping[str, Any]) -> bool:
-    """Whether there is memory for all that was asked for, as far as is known."""
+    """Whether memory suffices for everything that was asked for, as far as is known."""
     refused = content["refusal"] is not None and not content["refusal"]["fits"]
     return not refused and all(not each["beyond"] for each in content["forecast"])
 
 
 def _rung(rung: SizeResult) -> Plain:
-    """The measurements at a size as plain values; ``refusal`` tells why they ended."""
+    """The measurements at one size as plain values; ``refusal``: why they ended, if they did."""
     kept = ("title", "key", "seconds", "whole", "peaks")
     phases = [{name: getattr(phase, name) for name in kept} for phase in rung.phases]
     return {
@@ -75,7 +75,7 @@ def _rung(rung: SizeResult) -> Plain:
 
 
 def _forecasts(plan: Plan, climbed: Rehearsal) -> list[Plain]:
-    """Forecasts at the size at which runs begin and at the largest, where they were measured or two others were."""
+    """Forecasts at the initial and the largest size, each if measured or extrapolated from two others."""
     whole = [rung for rung in climbed.rungs if rung.whole]
     found = []
     for size in dict.fromkeys(size_range(plan.rows) or (None,)):
@@ -104,7 +104,7 @@ def _forecast(
 
 
 def _other(name: str, device: torch.device, forecast: Sequence[Plain], base: Mapping[str, int]) -> Plain:
-    """The forecast for another device: seconds times the ratios of speeds here and there, memory beyond ``base``."""
+    """The forecast for another device: seconds times the ratio of both devices' speeds, and memory beyond ``base``."""
     known, here = KNOWN_DEVICES[name], speed_of(device)
     low, high = sorted((here.operations / known.speed.operations, here.bytes / known.speed.bytes))
     at = "device" if device.type == "cuda" else "host"

@@ -29,20 +29,19 @@ REPETITIONS = 5
 """How often a kernel is measured at each size."""
 
 PASSES = 3
-"""How often everything that ``bench steps`` does is done at each size. Stages begin once a pass, and the first time
-finds the peak of memory."""
+"""Repetitions of ``bench steps`` at each size. A stage begins once per repetition; the first one finds peak memory."""
 
 SURFELS, RAYS, SIDE = 50_000, 1 << 15, 400
 """Sizes of a kernel's input while another size grows."""
 
 LEAST_BYTES = 1 << 20
-"""Peaks below it are pages and rounding; exponents are of those above it."""
+"""Peaks below this many bytes are pages and rounding, and are left out of exponents."""
 
 Plain = dict[str, Any]
 
 
 class Measured(NamedTuple):
-    """Seconds of every time that something was done at one size, and peak bytes."""
+    """Seconds of every repetition of one piece of work at one size, and peak bytes."""
 
     seconds: list[float]
     bytes: int
@@ -64,18 +63,18 @@ KERNELS = (
     Axis("rasterizing, forward", "pixels", f"{SURFELS:,} surfels", (100**2, 200**2, 400**2, 800**2)),
     Axis("rasterizing, forward", "surfels", f"{SIDE} x {SIDE} pixels", (2000, 8000, 32_000, 128_000)),
 )
-"""Kernels alone, on the blob of scene M. Hits a ray are the same for any number of surfels, which shrink as they grow
-in number: what grows is the depth of the tree."""
+"""Kernels alone, on the blob of scene M. More surfels are smaller ones, so that hits per ray stay the same: only the
+depth of the tree grows."""
 
 STEPS = (
     Axis("", "surfels", "96 x 96 pixels, 24 views", (750, 1500, 3000, 6000)),
     Axis("", "pixels", "1,500 surfels, 24 views", (48**2, 96**2, 192**2, 384**2)),
     Axis("", "views", "1,500 surfels, 96 x 96 pixels", (12, 24, 48, 96)),
 )
-"""Everything that ``bench steps`` does, at preset tiny."""
+"""The work of ``bench steps`` at preset tiny."""
 
 USUAL = Size("growth", "tiny", 96, 1500, 24, 1)
-"""Size of a step while one part of it grows."""
+"""Size of a step while another size grows."""
 
 
 def bench_growth(
@@ -139,7 +138,7 @@ def _rows(axis: Axis, found: Mapping[str, Sequence[Measured]]) -> Iterator[Plain
 
 
 def exponents(sizes: Sequence[int], amounts: Sequence[float], least: float = 0.0) -> list[float | None]:
-    """Slopes of log(amount) over log(size) from each size to the next; None where an amount is not above ``least``."""
+    """Slopes of log(amount) over log(size) between neighbouring sizes; None if an amount is not above ``least``."""
     between = zip(sizes, sizes[1:], amounts, amounts[1:], strict=False)
     return [
         math.log(after / before) / math.log(large / small) if min(before, after) > least else None
@@ -163,9 +162,9 @@ def growth_table(rows: Sequence[Mapping[str, Any]]) -> "Table":
 
 
 class Watching:
-    """Seconds of every time that something was done, by title, and peak bytes of the first time.
+    """Seconds of every repetition, by title, and peak bytes of the first one.
 
-    To find a peak takes time: the seconds of the first time count only where there are no others.
+    Finding a peak takes time: the first repetition's seconds count only if it is the only one.
     """
 
     def __init__(self, device: torch.device) -> None:
@@ -174,7 +173,7 @@ class Watching:
         self.seconds: defaultdict[str, list[float]] = defaultdict(list)
 
     def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
-        """Watch the work, unless it counts as nothing."""
+        """Watch the work, unless it has no titles."""
         done: list[Result] = []
         taken: list[float] = []
 

@@ -110,7 +110,7 @@ def part_of(module: str) -> str | None:
 
 
 def placed(frame: FrameType | None) -> str:
-    """The part that a stack is in, and ``forward`` or ``backward``: ``tracing, backward``."""
+    """The part that a stack of calls is in, and the direction, such as ``tracing, backward``."""
     part, way = None, "forward"
     while frame is not None:
         module = frame.f_globals.get("__name__", "")
@@ -123,7 +123,7 @@ def placed(frame: FrameType | None) -> str:
 
 @contextmanager
 def looking() -> Iterator[Mapping[str, float]]:
-    """Seconds by part and direction of what is done within, in the main thread.
+    """Samples the main thread within the block: seconds by part and direction.
 
     Each look charges the processor time since the look before it to the part that it finds running: a long operation
     delays looks, and is charged with all of its time.
@@ -203,10 +203,10 @@ def counting() -> Iterator[Counts]:
 
 
 class Times:
-    """Seconds, page faults and parts of every time that something was done in one pass, by title.
+    """Seconds, page faults and parts of each repetition in one pass, by title.
 
-    ``counts``: whether the first time of each title is counted as well. To count takes time: such seconds are kept
-    apart, in ``counted_seconds``, for titles that have no others.
+    ``counts``: whether the first time of each title is counted as well. Counting takes time: such seconds are kept
+    apart in ``counted_seconds``, for titles without others.
     """
 
     def __init__(self, device: torch.device, counts: bool) -> None:
@@ -218,7 +218,7 @@ class Times:
         self.counted_seconds: dict[str, float] = {}
 
     def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
-        """Time the work, unless it counts as nothing."""
+        """Time the work, unless it has no titles."""
         if not titles:
             return work()
         if self.counts and any(title not in self.counted for title in titles):
@@ -256,8 +256,8 @@ def measured(
 ) -> Plain:
     """Measure everything at a size: the model, the images, and a row for each piece of work.
 
-    ``subject_at`` makes the subject anew for each pass. ``stages``: how many are gone through, without relighting; None
-    for everything. The first pass counts operations, launches and work as well.
+    ``subject_at`` makes the subject anew for each pass. ``stages``: measure only the first so many, without relighting;
+    None: measure everything. The first pass counts operations, launches and work as well.
     """
     found: list[Times] = []
     for number in range(passes):

@@ -23,7 +23,7 @@ AGAIN = 4
 
 @runtime_checkable
 class Observe(Protocol):
-    """Watches one piece of work. ``titles``: what it counts as; none for what is done on the way."""
+    """Watches one piece of work. ``titles``: what its seconds count as; empty for work that is not measured."""
 
     def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
         """Do the work; returns its result."""
@@ -65,7 +65,7 @@ def _run(subject: Subject, variant: Any) -> Run:
 
 
 def _steps(subject: Subject, spec: StageSpec, stage: Stage, observe: Observe) -> None:
-    """Steps of all kinds in their order; the first one sets things up, and counts as none."""
+    """Take steps of all kinds in their order; the first one sets things up and has no title."""
     kinds = subject.short.kinds[spec.name]
 
     def step(index: int) -> None:
@@ -87,7 +87,7 @@ def _steps(subject: Subject, spec: StageSpec, stage: Stage, observe: Observe) ->
 def _relit(
     subject: Subject, way: Relighting, product: Mapping[str, Any], light: EnvironmentMap | None, observe: Observe
 ) -> None:
-    """Prepare a way of relighting, and render the default maps of every test view; the first one counts as none."""
+    """Prepare a way of relighting, and render the default maps of every test view; the first frame has no title."""
     model = restored(subject.method, _run(subject, way.variant), product)
     light = light or model.light
 

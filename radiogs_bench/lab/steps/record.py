@@ -17,7 +17,7 @@ MOST_PARTS = 3
 """Parts of a step that a table shows."""
 
 FRAME, SURFELS_ALONE = ": a frame", "by surfels alone"
-"""Ending of the titles of frames, and words in the title of those that need no rays."""
+"""Ending of the titles of frames, and words in the titles of frames without rays."""
 
 MACHINE = ("cpu", "cores", "memory_bytes", "gpu", "threads")
 """Properties that two machines have to share for their seconds to be compared."""
@@ -25,7 +25,7 @@ MACHINE = ("cpu", "cores", "memory_bytes", "gpu", "threads")
 MODEL = ("preset", "side", "views", "surfels", "model")
 
 OTHER_WORK = 0.02
-"""Difference of a work counter, as a share, that is told."""
+"""Relative difference of a work counter from which a note names it."""
 
 Plain = dict[str, Any]
 
@@ -37,7 +37,7 @@ def milliseconds(seconds: float) -> str:
 
 
 def ends(low: float | None, high: float | None) -> str:
-    """The ends of an interval of seconds; empty where there is none."""
+    """The ends of an interval of seconds; empty without an interval."""
     return "" if low is None or high is None else f"{milliseconds(low)} to {milliseconds(high)}"
 
 
@@ -58,7 +58,7 @@ def headline(name: str, size: Mapping[str, Any]) -> str:
 
 
 def as_table(name: str, size: Mapping[str, Any]) -> "Table":
-    """A line for each thing that was done at a size."""
+    """A table of measurements at one size, one line per piece of work."""
     from rich.table import Table
 
     table = Table("", title=headline(name, size), title_justify="left")
@@ -99,7 +99,7 @@ def comparable_sizes(ours: Mapping[str, Any], theirs: Mapping[str, Any], wanted:
 
 
 def ratio_table(name: str, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> "Table":
-    """A line for all that both did at a size; above 1 is faster now. Raises UsageError for other models or images."""
+    """Speed-ups of what both did at a size; above 1 is faster now. Raises UsageError for other models or images."""
     from rich.table import Table
 
     differing = [f"{name} {ours[name]} against {theirs[name]}" for name in MODEL if ours[name] != theirs[name]]

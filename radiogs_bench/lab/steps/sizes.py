@@ -26,8 +26,7 @@ class Size:
     passes: int
     """Default number of passes."""
     values: Mapping[str, int] = field(default_factory=dict)
-    """Numbers of the preset that are replaced, by dotted name; a method whose budget has no such number keeps its
-    own."""
+    """Values that replace the preset's numbers, by dotted name; numbers that a method's budget lacks are skipped."""
 
 
 SIZES = {
@@ -47,11 +46,11 @@ WARM_UP = SIZES["smoke"]
 """Size of the pass before anything is timed."""
 
 OWN_SIZES = tuple(name for name, size in SIZES.items() if size.surfels is None)
-"""Those with as many surfels as a preset's largest model: any method can be measured at them."""
+"""Sizes with as many surfels as a preset's largest model: any method can be measured at them."""
 
 
 def size_of(name: str) -> Size:
-    """A size by its name. Raises UsageError for one that is not there."""
+    """A size by its name. Raises UsageError for an unknown name."""
     if name not in SIZES:
         raise unknown("size", name, SIZES)
     return SIZES[name]
@@ -67,7 +66,7 @@ def surfel_fields(budget: Any) -> list[str]:
 
 
 def largest_model(method: Method, budget: Any) -> int | None:
-    """The most surfels that a model may have; None for a method that does not say."""
+    """The largest number of surfels of a model; None if the method does not report it."""
     if isinstance(method, Rehearsing):
         return method.sizes(budget)[1]
     return max((value_at(budget, name) for name in surfel_fields(budget)), default=None)

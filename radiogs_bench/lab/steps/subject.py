@@ -25,8 +25,8 @@ FIRST_SPACING = 0.05
 """Distance between surfels, in scene extents, from which the wanted number is approached."""
 
 SPARE = 1.05
-"""Surfels that are laid for each that is wanted, at least: some are drawn away, so that the number is exact, and those
-that stay are wider by as much."""
+"""Least ratio of laid to wanted surfels: surplus surfels are drawn away at random to get the exact number, and the
+remaining ones widened to fill the gaps."""
 
 TEST_VIEWS = 4
 
@@ -35,7 +35,7 @@ ON_SURFACES, OWN_START = "on the true surfaces", "as the method starts"
 
 @dataclass(frozen=True)
 class Subject:
-    """A method, the few steps of it that are measured, and the scene."""
+    """A method, the short run that is measured, and the scene."""
 
     method: Method
     size: Size
@@ -61,7 +61,7 @@ def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -
 
 
 def sized_budget(method: Method, size: Size) -> Any:
-    """The budget of a size: that of its preset, with the size's own numbers where the method has them."""
+    """The preset's budget, with the size's own numbers if the method has them."""
     budget = method.presets[size.preset]
     own = {name: value for name, value in size.values.items() if name in leaf_names(budget)}
     return with_values(budget, own, f"budget of {method.name}")
@@ -84,7 +84,7 @@ def require_size(method: Method, size: Size) -> None:
 
 
 def lay_on_surfaces(stage: Stage, subject: Subject) -> str:
-    """Put surfels on the scene's true surfaces in the place of those that a stage begins with; says which there are.
+    """Replace the surfels that a stage begins with by surfels on the scene's true surfaces; returns which were used.
 
     In a visual hull a ray meets ten times the surfels that it meets in a trained model, and small images have points on
     swept surfaces for fewer surfels than are asked for.
@@ -99,7 +99,7 @@ def lay_on_surfaces(stage: Stage, subject: Subject) -> str:
 
 
 def surfels_over(scene: Scene, count: int) -> Surfels:
-    """So many surfels over the true surfaces, as wide and as opaque as those of kernel scene M, with noisy radiance."""
+    """So many surfels on the true surfaces, as wide and opaque as kernel scene M's, with noisy radiance."""
     spacing = FIRST_SPACING * scene.extent
     samples = scene.true_surfaces(spacing)
     while len(samples) < count:

@@ -89,7 +89,7 @@ def _knock(address: str | None) -> None:
 
 @dataclass(frozen=True)
 class Flight:
-    """Work on the cluster: a cell, or stages that cells share (``task`` is None), and the claims held for it."""
+    """Work on the cluster, a cell or shared stages (``task`` is None), and the claims held for it."""
 
     task: Task | None
     held: ExitStack
@@ -126,7 +126,7 @@ class Cluster:
             self.flights[flight] = Flight(task, held.pop_all(), tuple(names[1::2]))
 
     def landed(self) -> list[tuple[Flight, RemoteResult]]:
-        """Work that has finished, after a short wait if there is none; its files are stored, its claims released."""
+        """Work that has finished, after a short wait if none has; its files are stored and its claims released."""
         ready, _ = self.ray.wait(list(self.flights), num_returns=len(self.flights), timeout=POLL_SECONDS)
         return [self._land(each) for each in ready]
 
@@ -164,7 +164,7 @@ class Cluster:
         return RemoteCell(self.recipe, cell, self.places[cell.scene], self.threads)
 
     def _given(self, names: Sequence[str]) -> dict[str, bytes]:
-        """Files of the store under the given names; damaged ones are moved aside and not sent."""
+        """Files of the store under these names; damaged ones are moved aside and not sent."""
         sound = [name for name in names if self.store.tensors(name, CPU) is not None]
         return self.store.files(map(file_of, sound))
 
@@ -228,7 +228,7 @@ def run_on_cluster(
 
 
 def unsent(cluster: Cluster, tasks: Sequence[Task]) -> list[Task]:
-    """Submit the cells; returns those that another process works on."""
+    """Submit the cells; returns the cells that other processes work on."""
     held = []
     for task in tasks:
         try:

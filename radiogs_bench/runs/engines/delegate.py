@@ -61,7 +61,7 @@ class RemoteCell:
 
 @dataclass(frozen=True)
 class RemoteResult:
-    """The answer of a remote machine: files to store, or the failure; ``node`` is the machine that ran it."""
+    """A remote machine's result: files to store, or the failure; ``node`` is the machine's name."""
 
     files: Files
     failure: ExplainedError | None

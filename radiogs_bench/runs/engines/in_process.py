@@ -23,7 +23,7 @@ logger = logging.getLogger(__name__)
 POLL_SECONDS = 0.25
 
 STOPPING = (Interrupted, DataError, StoreError)
-"""Failures that the next cell would have as well."""
+"""Failures that every following cell would have as well."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def run_cells(
     announced: set[str] = set()
 
     def attempt(task: Task) -> bool:
-        """Whether the cell has ended, well or not; False if another process works on it."""
+        """Whether the cell has ended, finished or failed; False if another process works on it."""
         interruption.check()
         if store.result(task.cell.key) is not None:
             return True
@@ -83,7 +83,7 @@ def run_cells(
 
 
 def waits_for_others(store: Store, cell: Cell) -> bool:
-    """Whether another process works on the stage of the cell that is next, or on what that stage begins with."""
+    """Whether another process works on the cell's next stage or on that stage's start."""
     for stage in cell.stages:
         if store.has_tensors(product_name(stage.key)):
             continue
@@ -108,7 +108,7 @@ def _run(task: Task, run: Callable[[Cell], None], store: Store) -> ExplainedErro
 
 
 def unforeseen(error: Exception) -> Unforeseen:
-    """The failure of a cell by an error that nobody foresaw, with its whole traceback, which is stored."""
+    """The failure of a cell by an unexpected error, with its whole traceback, which is stored."""
     told = traceback.format_exception_only(error)[-1].strip()
     return Unforeseen(
         f"unexpected: {told}".partition("\n")[0],
@@ -119,7 +119,7 @@ def unforeseen(error: Exception) -> Unforeseen:
 
 
 def record_failure(store: Store, task: Task, error: ExplainedError) -> ExplainedError:
-    """Keep why a cell failed, and the traceback of its method if there is one; returns the failure as it was kept."""
+    """Store the reason of a cell's failure, and the method's traceback if any; returns the failure as stored."""
     if isinstance(error, MethodFailed):
         error = store.with_traceback(error)
     store.put_failure(

@@ -84,7 +84,7 @@ class Order:
 
 
 def run_worker(plan: RunPlan, bench: Bench, count: int) -> Ended:
-    """Run the cells as one of ``count`` workers. All take the next one from the same list (``in_turn``)."""
+    """Run the cells as one of ``count`` workers, all of which take the next cell from one list (``in_turn``)."""
     ordered = in_turn(plan.own_cells, bench.store, count)
     return Ended(run_tasks(plan, [Task(cell, label(ref)) for ref, cell in ordered], bench))
 
@@ -123,7 +123,7 @@ def run_by_pool(plan: RunPlan, bench: Bench, engine: Engine) -> Ended:
     shown = OthersProgress(bench.progress, bench.store, labels)
 
     def look() -> None:
-        """Show how many cells are finished in the store, and how far the others are."""
+        """Show the number of finished cells in the store, and the progress of the others."""
         bench.progress.advance("cells", sum(bench.store.has_result(cell.key) for _, cell in cells), len(cells))
         shown.look()
 
@@ -215,7 +215,7 @@ class OthersProgress:
         self.shown: dict[str, Pace] = {}
 
     def look(self) -> None:
-        """Read how far every cell has come; what is no longer done for one ends."""
+        """Read each cell's progress; end the tasks that are over."""
         for key, name in self.labels.items():
             before, now = self.shown.pop(key, None), pace_of(self.store, key)
             if before is not None and (now is None or now.task != before.task):

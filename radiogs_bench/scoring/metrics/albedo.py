@@ -1,4 +1,4 @@
-"""Albedo, which is known up to a factor per channel: its alignment with the true one, and the difference of colours."""
+"""Albedo, known up to a factor per channel: its alignment with the true albedo, and differences of colours."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -31,7 +31,7 @@ PIXELS: Mapping[str, Callable[[Image, Image, Mask], Pixels]] = {
     "covered, any truth": lambda prediction, truth, mask: mask[..., 0] > 0,
     "predicted": lambda prediction, truth, mask: (prediction > 0).all(-1),
 }
-"""The pixels that count, by the convention's name."""
+"""The pixels that count for the factor, by the convention's name."""
 
 FACTORS: Mapping[str, Callable[[Tensor], Tensor]] = {
     "median": lambda ratios: ratios.median(0).values,
@@ -44,7 +44,7 @@ FACTORS: Mapping[str, Callable[[Tensor], Tensor]] = {
 def albedo_scale(
     predictions: Sequence[Image], truths: Sequence[Image], masks: Sequence[Mask], rules: Albedo = PER_CHANNEL_MEDIAN
 ) -> Float[Tensor, "3"]:
-    """Factor per channel from predictions to truths (linear), over the rules' views and pixels; ones without any."""
+    """Factor per channel from predictions to truths (linear), over the rules' views and pixels; ones without pixels."""
     if rules.align == "none":
         return torch.ones(3)
     kept = fitted_views(len(truths), rules)
@@ -94,7 +94,7 @@ TO_XYZ = ((0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0
 
 
 def ciede2000(ours: Image, theirs: Image, mask: Mask) -> float:
-    """Mean CIEDE2000 of two linear sRGB images where the mask covers more than half; NaN where it does nowhere.
+    """Mean CIEDE2000 of two linear sRGB images where the mask covers more than half; NaN if no pixel counts.
 
     A surface of albedo 1 is white under D65 (L* = 100). 1 is about what an eye can tell apart; black against white is
     100. By colour-science (CIE 142-2001, Sharma et al. 2005).

@@ -1,7 +1,7 @@
 """The conventions in which published evaluations differ, one small type per metric.
 
-Two values are comparable if every field agrees. Fields are words, because results record them as they are.
-``docs/protocols.md`` says which code uses which, and where.
+Two values are comparable if every field agrees. Fields are words, because results record them. ``docs/protocols.md``
+lists which code uses which, and where.
 """
 
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ Task = Literal["nvs", "relight", "indirect"]
 class Picture:
     """How prediction and truth are laid out before they are compared. Both come on black with their coverage.
 
-    ``prediction``: as rendered over the background; that, times the true coverage; its straight colour where it covers
-    more than half and the background elsewhere ("solid"); or the background wherever the truth covers nothing.
-    ``target``: composited over the background; that, times its coverage once more; or straight, never multiplied.
+    ``prediction``: as rendered over the background; the same times the true coverage; its straight colour where it
+    covers more than half and the background elsewhere ("solid"); or the background wherever the truth covers nothing.
+    ``target``: composited over the background; the same times its coverage once more; or straight, never multiplied.
     "display times true coverage" and "composited in display" multiply the display values of a linear map, on black;
-    "composited in display, times coverage again" multiplies the linear map once more.
-    ``clipped``: the prediction is clipped to [0, 1].
+    "composited in display, times coverage again" multiplies the linear map once more. ``clipped``: the prediction is
+    clipped to [0, 1].
     """
 
     background: Literal["black", "white"] = "black"
@@ -49,7 +49,7 @@ class Picture:
 class Psnr:
     """Peak 1. Over all channels jointly, or the mean of one PSNR per channel (never lower, by convexity).
 
-    ``albedo_views`` says whether the albedo of all views is one error ("pooled") or each view has its own.
+    ``albedo_views``: whether the albedo of all views is one error ("pooled") or each view has its own.
     """
 
     channels: Literal["joint", "mean of channels"] = "joint"
@@ -101,13 +101,13 @@ class Normal:
 class Albedo:
     """Alignment of the recovered albedo, which is known only up to a factor per channel, and its comparison.
 
-    ``align`` is what one factor (of truth / prediction) is taken from; ``fitted_to`` the views it is taken over;
-    ``pixels`` those that count: "solid" where the truth covers more than half and is positive in all channels,
-    "covered" where it covers anything and is positive in all channels, "covered, any truth" where it covers anything,
-    "predicted" where the prediction is positive in all channels. ``fitted_target``: the truth that the factor is fitted
-    to, as ``Picture.target``. ``largest`` bounds each pixel's ratio. ``scaled``: the pixels that the factor multiplies,
-    all or those that the truth covers. ``relights`` says whether relighting uses the aligned albedo. ``difference``:
-    the perceived difference of colours that is measured as well, inside the mask.
+    ``align``: the statistic of truth / prediction that gives the factor; ``fitted_to``: the views that it is taken
+    over; ``pixels``: the pixels that count, "solid" where the truth covers more than half and is positive in all
+    channels, "covered" where it covers anything and is positive in all channels, "covered, any truth" where it covers
+    anything, "predicted" where the prediction is positive in all channels. ``fitted_target``: the truth that the factor
+    is fitted to, as ``Picture.target``. ``largest`` bounds each pixel's ratio. ``scaled``: the pixels that the factor
+    multiplies, all or those that the truth covers. ``relights``: whether relighting uses the aligned albedo.
+    ``difference``: the perceived difference of colours that is measured as well, inside the mask.
     """
 
     align: Literal["none", "first channel's median", "median", "mean", "least squares"] = "median"
@@ -167,7 +167,7 @@ class DepthOffset:
 class Environment:
     """Squared error of the recovered light over the squared true light, by texel, irradiance or reflection.
 
-    ``scale`` is the least-squares factor that is applied to what is compared first.
+    ``scale`` is the least-squares factor, which is applied before the comparison.
     """
 
     scale: Literal["none", "one factor", "factor a channel"] = "factor a channel"

@@ -15,8 +15,8 @@ UNSCALED = Environment("none")
 """No alignment: the recovered light is compared unscaled."""
 
 AT_ONCE = 512
-"""Directions that are integrated at once: by the texels of 64 rows they are 32 MB in float64. Threads meet after each
-operation on them, which takes longer than the operation where there are few and cores are busy."""
+"""Directions that are integrated at once: times the texels of 64 rows they are 32 MB in float64. With fewer,
+synchronising threads on busy cores takes longer than the operations."""
 
 
 def environment_error(
@@ -68,9 +68,9 @@ def glossy_reflection(
 ) -> Float[Tensor, "points 3"]:
     """Mean radiance over the GGX lobe around unit mirror directions, linear RGB, in the type of the map.
 
-    The lobe is the isotropic one of split-sum shading: view and normal lie along the mirror direction, and the weight
-    is D(h) (n.w) per solid angle, with alpha the square of the perceptual ``roughness``. A lobe that is narrower than
-    a texel reads the nearest texel.
+    The lobe is isotropic as in split-sum shading: view and normal lie along the mirror direction, and the weight is
+    D(h) (n.w) per solid angle, with alpha the square of the perceptual ``roughness``. A lobe that is narrower than a
+    texel reads the nearest texel.
     """
     light, weight = _towards(radiance), _weight(radiance)
     power = torch.cat([weight * radiance.flatten(0, 1), weight], -1)
@@ -102,7 +102,7 @@ def averaged(radiance: Float[Tensor, "height width 3"], rows: int, columns: int)
 
 
 def _shares(to: Float[Tensor, " ends"], of: Float[Tensor, " edges"]) -> Float[Tensor, "intervals pieces"]:
-    """The share of each interval between the edges ``to`` that each interval between the edges ``of`` fills."""
+    """For each interval between the edges ``to``, the share that each interval between the edges ``of`` fills."""
     lower, upper = torch.maximum(to[:-1, None], of[:-1]), torch.minimum(to[1:, None], of[1:])
     return (upper - lower).clamp(min=0) / to.diff()[:, None]
 

@@ -12,7 +12,7 @@ from .conventions import Depth, DepthOffset, Normal
 from .pictures import in_bits
 
 IN_MASK = Normal()
-"""Normal errors over the pixels that the truth covers by more than half."""
+"""Normal errors averaged where the truth covers more than half of a pixel."""
 
 HOLE = 90.0
 """Error in degrees of a missing (zero) prediction inside the mask: the mean error of a random direction."""
@@ -98,8 +98,8 @@ def depth_errors(
 def depth_offset(depth: Map, target: Map, mask: Map, extent: float, rules: DepthOffset) -> float:
     """Mean |z - z*| in percent of ``extent`` (world units); NaN where nothing is covered.
 
-    A pixel that the prediction leaves empty has depth 0: it counts as that, an error of the whole distance. One whose
-    true depth is 0 has none that is known, and does not count.
+    A pixel that the prediction leaves empty has depth 0, an error of the whole distance. A pixel with true depth 0 has
+    unknown depth and does not count.
     """
     inside = (mask > rules.covered) & (target > 0)
     difference = (depth[inside].double() - target[inside].double()).abs()

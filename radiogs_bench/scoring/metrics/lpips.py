@@ -74,12 +74,12 @@ Weights = Mapping[str, Tensor]
 Layers = Iterator[Float[Tensor, "1 channels rows columns"]]
 
 ALEX_LAYERS = ((0, 4, 2), (3, 1, 2), (6, 1, 1), (8, 1, 1), (10, 1, 1))
-"""Index, stride and padding of AlexNet's convolutions; a 3 x 3 pool of stride 2 stands before 3 and 6."""
+"""Index, stride and padding of AlexNet's convolutions; a 3 x 3 pool of stride 2 precedes convolutions 3 and 6."""
 
 ALEX_POOL_BEFORE = (3, 6)
 
 VGG_BLOCKS = ((0, 2), (5, 7), (10, 12, 14), (17, 19, 21), (24, 26, 28))
-"""Indices of VGG16's 3 x 3 convolutions; a 2 x 2 pool stands between blocks, and the last of each block is tapped."""
+"""Indices of VGG16's 3 x 3 convolutions; a 2 x 2 pool lies between blocks, and each block's last layer is tapped."""
 
 SQUEEZE_BLOCKS = ((3, 4), (6, 7), (9,), (10,), (11,), (12,))
 """Indices of SqueezeNet's fire modules; the last of each block is tapped."""

@@ -1,4 +1,4 @@
-"""Every measure by name: how tables print it and, for one that compares two pictures by itself, its function."""
+"""Every measure by name: how tables print it and, if it compares two pictures, its function."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Measure:
     """Computes it from a prediction and its truth, both [height, width, 3], as the protocol lays them out.
 
     Then every protocol scores it for new views, relit views, indirect light and albedo; NaN reads n/a. None for a
-    measure that depends on more than two pictures: whatever computes it says so.
+    measure that depends on more than two pictures.
     """
 
 
@@ -84,4 +84,4 @@ MEASURES: Mapping[str, Measure] = {
 COMPARED: Mapping[str, Callable[[Image, Image], float]] = {
     name: measure.compare for name, measure in MEASURES.items() if measure.compare is not None
 }
-"""The functions of those measures that have one."""
+"""The functions of the measures that compare two pictures."""

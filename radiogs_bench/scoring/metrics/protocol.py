@@ -40,7 +40,7 @@ Scores = dict[str, Value]
 EMPTY = "the mask is empty"
 
 SOLID_ROUGHNESS, OUTGOING, FACTOR_A_CHANNEL = Roughness(), Indirect(), Environment()
-"""Roughness inside the mask; radiance towards the camera; light aligned by one factor per channel."""
+"""Roughness inside the mask; radiance towards the camera; light aligned by a factor per channel."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class Protocol:
     """Conventions, one per field; the defaults are those of protocol ``default``.
 
     All maps are given on black. ``mask`` is the true and ``alpha`` the predicted coverage, [height, width, 1]: without
-    a mask the truth covers everything, without an alpha the prediction has the true coverage. None as a field means
-    that the protocol does not compare this map: "n/a".
+    a mask the truth covers everything; without an alpha the prediction's coverage is the true one. None as a field
+    means that the protocol does not compare this map: "n/a".
     """
 
     name: str
@@ -68,7 +68,7 @@ class Protocol:
     depth_offset: DepthOffset | None = None
     environment: Environment = FACTOR_A_CHANNEL
     layouts: Mapping[str, Albedo] = field(default_factory=dict, hash=False)
-    """Rules of albedo for scenes of a layout that the published code evaluates with a script of its own."""
+    """Rules of albedo by layout, for layouts that the published code evaluates with a separate script."""
 
     @property
     def title(self) -> str:
@@ -76,7 +76,7 @@ class Protocol:
         return self.name if self.version == 1 else f"{self.name}@{self.version}"
 
     def on(self, layout: str) -> "Protocol":
-        """The rules for scenes of a layout."""
+        """The protocol with its rules for scenes of a layout."""
         return replace(self, albedo=self.layouts.get(layout, self.albedo), layouts={})
 
     def describe(self) -> dict[str, Any]:
@@ -111,14 +111,14 @@ class Protocol:
         masks: Sequence[Mask],
         alphas: Sequence[Mask] | None = None,
     ) -> Float[Tensor, "3"]:
-        """Factor per channel for the recovered albedo (linear), from all views; ones if there is none."""
+        """Factor per channel for the recovered albedo (linear), from all views; ones without alignment."""
         rules = replace(self.albedo.picture, prediction="rendered", target=self.albedo.fitted_target, clipped=False)
         ours = [predicted(*view, rules) for view in zip(predictions, alphas or masks, masks, strict=True)]
         theirs = [true(*view, rules) for view in zip(truths, masks, strict=True)]
         return albedo_scale(ours, theirs, masks, self.albedo)
 
     def relighting_scale(self, scale: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
-        """The factor on the recovered albedo when relighting: the aligning one, or ones."""
+        """Factor per channel for the recovered albedo in relighting: as aligned, or ones."""
         return scale if self.albedo.relights else torch.ones(3)
 
     def score_albedo(
@@ -186,7 +186,7 @@ class Protocol:
     def mean(self, views: Sequence[Value], metric: str = "") -> Value:
         """Mean over views of a metric (``task/measure``), or its value pooled over all views.
 
-        A pooled PSNR is that of the mean error, which equals the pooled error for views of the same size.
+        A pooled PSNR is the PSNR of the mean error, which equals the pooled error for views of the same size.
         """
         if metric != "albedo/psnr" or self.psnr.albedo_views == "mean":
             return mean(views)
@@ -232,7 +232,7 @@ def compared(ours: Image, theirs: Image) -> Scores:
 
 
 def perceptual(ours: Image, theirs: Image, rules: Lpips) -> Value:
-    """LPIPS, or the reason why there is none."""
+    """LPIPS, or the reason why it is missing."""
     missing = missing_weights(rules.net)
     if missing:
         return Value(None, missing)
@@ -252,19 +252,19 @@ def inside(value: float, reason: str = EMPTY) -> Value:
 
 
 def usable(mask: Mask, rules: Picture) -> bool:
-    """Whether any pixel is left inside the true coverage; without one, the comparison would be perfect."""
+    """Whether the true coverage leaves any pixel to compare; without one, the comparison would be perfect."""
     return not needs_truth(rules) or bool((mask > 0).any())
 
 
 def coverages(target: Image, mask: Mask | None, alpha: Mask | None) -> tuple[Mask, Mask]:
-    """True and predicted coverage, with defaults for those not given."""
+    """True and predicted coverage, with defaults if not given."""
     if mask is None:
         mask = torch.ones(*target.shape[:2], 1)
     return mask, mask if alpha is None else alpha
 
 
 def alike(one: Protocol, other: Protocol, metric: str) -> bool:
-    """Whether both compute ``task/measure`` by the same conventions; metrics that none governs are alike."""
+    """Whether both compute ``task/measure`` by the same conventions; true for metrics without conventions."""
     return conventions(one, metric) == conventions(other, metric)
 
 

@@ -1,4 +1,4 @@
-"""The named protocols; docs/protocols.md says where the public codes show each convention."""
+"""The named protocols; docs/protocols.md cites the public code for each convention."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -38,7 +38,7 @@ GREY = 0.5
 """The PSNR of this constant inside the mask is a lower bound of every PSNR."""
 
 NOTHING = 1e-6
-"""A prediction whose squares sum to at most this inside the mask, a channel, counts as none."""
+"""A prediction whose sum of squares inside the mask is at most this in a channel counts as missing."""
 
 NORMAL_GUARD = 1e-6
 """Added to the length of a normal before it is divided by; a missing one is then at distance 1 from any other."""
@@ -56,7 +56,7 @@ NO_ANGLE = Value(None, "Stanford-ORB has the cosine distance instead: cosine")
 
 @dataclass(frozen=True)
 class StanfordOrb(Protocol):
-    """Scores inside the eroded mask; relit images and albedo are aligned per image and channel, new views are not.
+    """Scores inside the eroded mask; relit images and albedo are aligned per image and channel, new views not at all.
 
     Images come as display sRGB in [0, 1]; ``score_linear`` takes linear ones, whose highlights PSNR-H counts up to 4.
     """
@@ -120,7 +120,7 @@ class StanfordOrb(Protocol):
         mask: Mask | None = None,
         alpha: Mask | None = None,
     ) -> Scores:
-        """``psnr`` and ``ssim`` of linear albedo, ``lpips`` of it as display sRGB, after least squares a channel."""
+        """``psnr`` and ``ssim`` of linear albedo, ``lpips`` of it in display sRGB, after least squares per channel."""
         mask, _ = coverages(target, mask, None)
         region = eroded(mask)
         if not region.any():
@@ -175,7 +175,7 @@ def masked(image: Rgb, region: Region) -> Rgb:
 def aligned(image: Rgb, target: Rgb, region: Region) -> Rgb:
     """The image times the least-squares factor of each channel inside the mask: sum(x y) / sum(x^2).
 
-    Where sum(x^2) <= 1e-6 the factor is that of ones, sum(y) / n, and an image that is all but black stays so.
+    If sum(x^2) <= 1e-6 the factor is sum(y) / n, as for an image of ones, and an almost black image stays black.
     """
     ours = image[region]
     nothing = ours.double().square().sum(0) <= NOTHING

@@ -23,11 +23,11 @@ Distance = Callable[[Points], Float[np.ndarray, " points"]]
 """The distance of each point from a surface, world units."""
 
 NEAREST = 8
-"""Cells whose middles are nearest to a point, among which the nearest cell is looked for."""
+"""Number of cells with the nearest centres among which the cell nearest to a point is searched."""
 
 GROWN = 1.4
-"""Cells are taken for this much larger, as those of a spherical lattice leave gaps between one another; those at the
-edges of flat faces are an eighth of the spacing wide, so a face grows by 1/40 of it on each side."""
+"""Cells are enlarged by this factor, because cells of a spherical lattice leave gaps; cells at the edges of flat faces
+are an eighth of the spacing wide, so a face grows by 1/40 of the spacing on each side."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def sampled_surface(
 
 
 def pyvista() -> Any:
-    """pyvista, imported where it is needed, as VTK loads slowly. Raises UsageError where graphics libraries lack."""
+    """pyvista, imported on demand, as VTK loads slowly. Raises UsageError if graphics libraries are missing."""
     try:
         return import_module("pyvista")
     except ImportError as error:
@@ -152,7 +152,7 @@ def distance_from_points(truth: Points) -> Distance:
 
 
 def distance_from_cells(samples: SurfaceSamples) -> Distance:
-    """Distances from the flat rectangular cells that surface samples stand for."""
+    """Distances from flat rectangular cells, which surface samples represent."""
     centre, frame = samples.centre.numpy(), samples.frame.numpy()
     half = np.pad(GROWN * samples.size.numpy() / 2, [(0, 0), (0, 1)])
     tree = cKDTree(centre)

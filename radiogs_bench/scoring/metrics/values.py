@@ -1,4 +1,4 @@
-"""A value that may not exist: a number, or the reason why there is none."""
+"""A value that may be missing: a number, or the reason why it is missing."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ class Value:
 
 
 def mean(values: Sequence[Value]) -> Value:
-    """The mean of the values; n/a with the first reason if any of them does not exist."""
+    """The mean of the values; n/a with the first reason if any is missing."""
     if not values:
         return Value(None, "no view to score")
     for value in values:

@@ -23,7 +23,7 @@ UNREADABLE = (
 """Errors that torch's restricted unpickler and numpy raise for files that are not archives."""
 
 NO_WEIGHTS = "the published LPIPS weights"
-"""Beginning of the reason why LPIPS has no value."""
+"""First words of the reason why LPIPS has no value."""
 
 DOWNLOAD = "Fetch them:  radiogs-bench datasets weights"
 
@@ -53,14 +53,14 @@ def weights_folder() -> Path:
 
 
 def missing_weights(net: Net = "alex") -> str:
-    """Why LPIPS with this network cannot be computed; empty if it can. Stored in results, so it names no path."""
+    """Why LPIPS with this network is unavailable; empty if available. Stored in results, so it contains no path."""
     if not lacking(net):
         return ""
     return f"{NO_WEIGHTS} of {net} were not found; radiogs-bench datasets weights fetches them"
 
 
 def lacking(net: Net) -> str:
-    """The missing file, with its folder; empty if none is missing. For messages, not for results."""
+    """The missing file, with its folder; empty if all exist. For messages, not for results."""
     folder = weights_folder()
     for names in (FILES[net].features, FILES[net].head):
         if _first(folder, names) is None:

@@ -33,7 +33,7 @@ def audit_report(summary: Summary) -> Report | None:
 
 
 def _bound_sentence(text: str, lines: list[AuditLine]) -> str | None:
-    """The number of scenes whose loss is under its bound, and whose whole interval is under the tolerance."""
+    """The number of scenes whose loss is below its bound, and of scenes whose whole interval is below the tolerance."""
     counted = Counter(line.judgement for line in lines if line.judgement is not None)
     if not counted:
         return None

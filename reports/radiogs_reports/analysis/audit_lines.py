@@ -11,14 +11,14 @@ from .samples import cost_of, known, runs_of
 EXPERIMENT = "audit"
 
 LOSSES: Mapping[str, str] = {"nvs": "nvs/psnr", "albedo": "albedo/psnr", "relight": "relight/psnr"}
-"""Columns by the name of their loss, which is the fall of that PSNR in dB."""
+"""Columns by the name of their loss: the decrease of the column's PSNR in dB."""
 
 Judgement = Literal["yes", "within noise", "no", "above"]
-"""Whether a loss is under its bound; ``above``: the loss of a single seed, without an interval, is above it."""
+"""Whether a loss is under its bound; ``above``: it is above, but from a single seed, without an interval."""
 
 
 class AuditLine(NamedTuple):
-    """Cost and savings of a row's plans on one scene beside the reference row, all effects on; None where not known."""
+    """Cost and savings of a row's plans on one scene against the reference row (all effects); None if unknown."""
 
     scene: str
     row: str
@@ -34,8 +34,8 @@ class AuditLine(NamedTuple):
     judgement: Judgement | None
     """Whether the loss is under the bound."""
     shares: dict[str, Estimate | None]
-    """By name: the rays saved and those of probing as shares of the reference row's rays; how many times as fast the
-    last stage and the training are as the reference row's; the seconds of probing as shares of the row's own."""
+    """By name: rays saved and rays of probing, as shares of the reference row's rays; speed-ups of the last stage and
+    of the training over the reference row's; seconds of probing, as a share of the row's own."""
     left_out: str
     """The effects that the plan leaves out, in words."""
 
@@ -117,7 +117,7 @@ def judged(loss: Estimate | None, bound: float | None) -> Judgement | None:
 
 
 def shares_of(part: Mapping[Origin, float], whole: Mapping[Origin, float]) -> dict[Origin, float]:
-    """Part / whole, where both are known. Their mean is arithmetic, because the part may be zero."""
+    """Part / whole, where both are known. Their mean is arithmetic, because a part may be zero."""
     return {each: part[each] / whole[each] for each in shared_origins(part, whole) if whole[each] > 0}
 
 
@@ -170,7 +170,7 @@ def _rays(plan: Mapping[str, Any]) -> list[str]:
 
 
 def over_seeds(texts: Mapping[int, str]) -> str:
-    """Texts by seed as one: each different text once, with its seeds where there are several."""
+    """Texts by seed in one text: each different text once, with its seeds if there are several."""
     seeds_by_text: dict[str, list[int]] = {}
     for seed in sorted(texts):
         seeds_by_text.setdefault(texts[seed], []).append(seed)

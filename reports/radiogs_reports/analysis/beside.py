@@ -1,4 +1,4 @@
-"""This run beside another one of the same rows: what differs in settings, and whether values differ.
+"""This run beside another run of the same rows: differences in settings, and whether values differ.
 
 The other run is stored in the summary as ``OtherRun``, so that reports are made from the summary alone.
 """
@@ -14,7 +14,7 @@ from .report import Grid, Report, estimate_fields, estimate_item, name_item, pla
 from .samples import changed_fields, flat, made_from, runs_of, values_of
 
 MOST_CHANGES = 8
-"""Settings of a row that are named; more are counted."""
+"""Most settings of a row that are named; further ones are counted."""
 
 ABSENT = "no setting"
 
@@ -25,7 +25,7 @@ class Beside(NamedTuple):
     row: str
     column: ColumnSummary
     there: Estimate | None
-    """Mean over the scenes and seeds that both have, in the other run."""
+    """Mean of the other run over the scenes and seeds that both runs have."""
     here: Estimate | None
     difference: Estimate
     """This run minus the other, paired by scene and seed."""
@@ -113,7 +113,7 @@ def _paired(summary: Summary, other: OtherRun) -> Iterator[str]:
 
 
 def _in_words(summary: Summary, values: list[Beside]) -> Iterator[str]:
-    """For each row the columns in which it is better, worse, equal, and not told apart."""
+    """For each row the columns in which it is better, worse, equal, and not resolved."""
     for row, text in row_texts(summary).items():
         said: dict[str, list[str]] = {"better": [], "worse": [], "equal to the last bit": [], "not resolved": []}
         for each in (each for each in values if each.row == row):

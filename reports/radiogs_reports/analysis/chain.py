@@ -1,4 +1,4 @@
-"""Rows of which each changes something more in the row before: what every step of the way is worth."""
+"""A chain of rows, each of which adds a change to the row before: the worth of every step."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -12,12 +12,12 @@ from .report import Grid, Item, Report, estimate_fields, estimate_item, name_ite
 from .samples import changed_fields, costs_of, made_from, values_of
 
 FEWEST = 3
-"""Steps of a chain."""
+"""Fewest steps of a chain."""
 
 SECONDS: ColumnSummary = {
     "key": "training/seconds", "label": "Training", "unit": "s", "direction": "down", "decimals": 0,
 }  # fmt: skip
-"""Processor seconds of training, in the form of a column."""
+"""Processor seconds of training, as a column."""
 
 
 class Worth(NamedTuple):
@@ -47,7 +47,7 @@ def chain_report(summary: Summary) -> Report | None:
 
 
 def chain_of(summary: Summary) -> list[str] | None:
-    """The rows in order, if each changes fields of the variant of the row before that no other step changes."""
+    """The rows in order, if each changes fields in the row before that no other step changes; else None."""
     rows = [row["key"] for row in summary["rows"]]
     contents = [made_from(summary, row) for row in rows]
     if len(rows) <= FEWEST or any(content is None or "variant" not in content for content in contents):

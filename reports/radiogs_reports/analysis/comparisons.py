@@ -12,16 +12,16 @@ from ..statistics import CONFIDENCE, Estimate, Level, Sample, differences, level
 from ..summary import Verdict
 
 Direction = Literal["up", "down", "zero", "none"]
-"""Which values are better; none of a count that is neither good nor bad."""
+"""Which values are better; none for neutral counts."""
 
 Key = TypeVar("Key", bound=Hashable)
 
 ERROR_RATE = 1 - CONFIDENCE
-"""The largest share of columns of equal rows that have a false difference."""
+"""Familywise error rate of a column: the share of columns of equal rows with a false difference."""
 
 
 class Comparison(NamedTuple):
-    """A row beside the reference row: the difference of their values, and whether it is resolved to be better."""
+    """A row compared with the reference row: the difference of their values, and its verdict."""
 
     difference: Estimate
     parts: dict[Level, float]
@@ -29,7 +29,7 @@ class Comparison(NamedTuple):
     p_value: float | None
     """P value of no gain, after the correction; None for a single unit."""
     verdict: Verdict | None
-    """None where the two rows are not told apart, and in columns in which neither more nor less is better."""
+    """Which row is resolved to be better; None if unresolved, and in columns without a better side."""
 
 
 def holm(p_values: Mapping[Key, float]) -> dict[Key, float]:
@@ -70,7 +70,7 @@ def compared(pairs: Mapping[Key, tuple[Sample, Sample]], direction: Direction) -
 
 
 def upwards(values: Mapping[Key, float], direction: Direction) -> Mapping[Key, float]:
-    """The values with the sign that makes larger ones better; counts as they are."""
+    """The values with the sign that makes larger ones better; counts unchanged."""
     if direction in ("up", "none"):
         return values
     return {key: -abs(value) if direction == "zero" else -value for key, value in values.items()}
@@ -101,9 +101,9 @@ def ranks(samples: Mapping[str, Sample], direction: Direction) -> dict[str, int]
 
 
 def ordered(ranked: Mapping[str, int], means: Mapping[str, float], direction: Direction) -> dict[str, int]:
-    """Ranks of which none is before that of a better mean: a row has the last rank among the means as good as its own.
+    """Ranks that respect the order of means: no row ranks before a better mean, and equal means share the last rank.
 
-    Without this a row of noisy values, which no test tells from the others, would stand before a better mean.
+    Otherwise a row of noisy values, which no test distinguishes from the others, would rank before a better mean.
     """
     upward = upwards(means, direction)
     return {row: max(ranked[other] for other in ranked if upward[other] >= upward[row]) for row in ranked}

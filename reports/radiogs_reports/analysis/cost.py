@@ -1,4 +1,4 @@
-"""The cost of accuracy: what each knob of the budget gives and takes, computed from a run's summary alone."""
+"""The cost of accuracy: gain and cost of each knob of the budget, from a run's summary alone."""
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby
@@ -14,7 +14,7 @@ from .samples import COSTS
 
 
 def cost_report(summary: Summary) -> Report | None:
-    """The report of a run; None where no rows differ from the reference row in a single field of the budget."""
+    """The report of a run; None unless some rows differ from the reference row in a single field of the budget."""
     turned = knobs(summary)
     if not turned:
         return None
@@ -41,7 +41,7 @@ def step_sentence(summary: Summary, step: KnobStep) -> str:
 
 
 def doubling_sentence(doublings: list[Doubling]) -> str:
-    """The change of every column per doubling of a knob; all ``doublings`` belong to that knob."""
+    """The change of every column per doubling of a knob; all ``doublings`` belong to this knob."""
     first = doublings[0]
     changes = [change(each.slope, each.column) for each in doublings]
     cost = "" if first.time_ratio is None else f", for {first.time_ratio.mean:.2f} times the time"
@@ -49,7 +49,7 @@ def doubling_sentence(doublings: list[Doubling]) -> str:
 
 
 def second_half_sentence(summary: Summary) -> str | None:
-    """The gain of the second half of the last stage; None where nothing was scored during training."""
+    """The gain of the second half of the last stage; None without scores during training."""
     found = [(column, second_half(summary, column["key"])) for column in summary["columns"]]
     known = [(column, each) for column, each in found if each is not None]
     if not known:
@@ -60,7 +60,7 @@ def second_half_sentence(summary: Summary) -> str | None:
 
 
 def error_parts_sentence(summary: Summary) -> str | None:
-    """How much of the reference row's error differs between seeds; None where no scene has several."""
+    """The share of the reference row's error that differs between seeds; None without a scene of several seeds."""
     parts = summary.get("error_parts", {}).get(reference_of(summary))
     if not parts:
         return None
@@ -77,7 +77,7 @@ def change(estimate: Estimate, column: ColumnSummary) -> str:
 
 
 def _records(summary: Summary, taken: Sequence[KnobStep], slopes: Sequence[Doubling]) -> Iterator[Record]:
-    """Every point, step, slope and efficiency, with the ends of its interval; means of a row have none of their own."""
+    """Every point, step, slope and efficiency, with the ends of its interval; means of a row have no interval."""
     for column in summary["columns"]:
         for cost in COSTS:
             for point in points(summary, column, cost):

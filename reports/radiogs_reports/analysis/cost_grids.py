@@ -21,7 +21,7 @@ UNSHARED = "no scene and seed has every setting"
 
 
 def cost_grids(summary: Summary, turned: Sequence[Knob], found: Sequence[Doubling]) -> list[Grid]:
-    """The tables that have rows. ``found``: the slopes of the knobs that were turned."""
+    """The tables with at least one row. ``found``: the slopes of the knobs."""
     grids = [
         _doublings(summary, turned, found),
         _fronts(summary),

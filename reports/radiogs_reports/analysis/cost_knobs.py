@@ -1,7 +1,7 @@
-"""Knobs of a run, with the gain and cost of turning one: from setting to setting, and per doubling over all settings.
+"""Knobs of a run, with the gain and cost of changing one: from setting to setting, and per doubling over all settings.
 
-A knob is a field of the budget in which alone some rows differ from the reference row, or several fields that belong
-together (``TOGETHER``) and are multiplied by the same factor.
+A knob is a field of the budget that is the only difference between some rows and the reference row, or several fields
+(``TOGETHER``) that are multiplied by the same factor.
 """
 
 import math
@@ -35,7 +35,7 @@ TOGETHER: tuple[tuple[str, ...], ...] = (
     ("geometry.initial_surfels", "geometry.maximum_surfels"),
     ("relight_hemisphere_samples", "relight_light_samples"),
 )
-"""Fields that are one knob where all of them are multiplied by the same factor; the first stands for them."""
+"""Fields that form one knob if all are multiplied by the same factor; the first names it."""
 
 COMPARED = ("method", "variant", "settings")
 """Parts of a key's content that rows of one knob share."""
@@ -49,7 +49,7 @@ class KnobSetting(NamedTuple):
 
 
 class Knob(NamedTuple):
-    """A field of the budget with its settings, lowest value first; the reference row has one of them."""
+    """A field of the budget with its settings, lowest value first; one of them is the reference row's."""
 
     field: str
     text: str
@@ -80,7 +80,7 @@ def knobs(summary: Summary) -> list[Knob]:
 
 
 def label_of(content: Mapping[str, Any], field: str) -> str:
-    """The label of a field of the budget of the method that a cell's content names."""
+    """The label of a field of the budget, for the method in a cell's content."""
     texts = TEXTS.get(content.get("method", RADIOGS), {})  # results from before methods were named are RadioGS's
     return texts.get(field, field.replace("_", " "))
 
@@ -88,7 +88,7 @@ def label_of(content: Mapping[str, Any], field: str) -> str:
 def only_difference(content: Mapping[str, Any], base: Mapping[str, Any]) -> str | None:
     """The field of the budget in which a cell differs from another, if it is the only one and a positive integer.
 
-    Fields that belong together and are multiplied by the same factor count as one; the first stands for them.
+    Fields that belong together and are multiplied by the same factor count as one; the first names them.
     """
     if any(content.get(part) != base.get(part) for part in COMPARED):
         return None

@@ -26,7 +26,7 @@ def curves(summary: Summary, row: str, column: str) -> dict[Origin, list[ScoredP
 
 
 def equal_time(summary: Summary) -> Grid:
-    """The best row, by its runs' mean value, after the time of each scored point of the reference row's slowest run."""
+    """At the time of each scored point of the reference row's slowest run: the best row by its runs' mean value."""
     texts, rows = row_texts(summary), []
     for column in summary["columns"]:
         every = {row["key"]: curves(summary, row["key"], column["key"]) for row in summary["rows"]}
@@ -144,7 +144,7 @@ def _goodness(value: float, column: ColumnSummary) -> float:
 
 
 def _mean(values: Mapping[Origin, float | None] | Mapping[Origin, float]) -> float | None:
-    """The mean, as tables have it; None if a value is None or there are no values."""
+    """The mean, as in tables; None without values, or if a value is None."""
     known = {origin: value for origin, value in values.items() if value is not None}
     mean = mean_of(known) if len(known) == len(values) else None
     return None if mean is None else mean.mean

@@ -1,6 +1,6 @@
-"""Rows that are alike but for one setting, in several pairs: what that setting is worth beside different others.
+"""Several pairs of rows that differ in one setting only: the worth of this setting beside different other settings.
 
-Such pairs tell whether a part does what another one does as well: then it is worth less beside that one.
+Such pairs show whether two parts have the same effect: then one is worth less beside the other.
 """
 
 from itertools import combinations
@@ -13,11 +13,11 @@ from .report import Grid, Item, Record, Report, estimate_fields, estimate_item, 
 from .samples import changed_fields, flat, made_from, values_of
 
 FEWEST = 2
-"""Pairs of rows that a setting has to differ in alone."""
+"""Fewest pairs of rows that differ in the setting alone."""
 
 
 class Crossed(NamedTuple):
-    """A setting, two values of it, and the pairs of rows that differ in nothing else."""
+    """A setting, two values of it, and the pairs of rows that differ in it alone."""
 
     setting: str
     """Its dotted name."""
@@ -56,9 +56,9 @@ def crossed_report(summary: Summary) -> Report | None:
 
 
 def crossed_of(summary: Summary) -> list[Crossed]:
-    """Settings of the variant with two values that are all that differs in at least ``FEWEST`` pairs of rows.
+    """Settings of the variant, with two values, that are the only difference in at least ``FEWEST`` pairs of rows.
 
-    The first row of a pair is the one that stands first in the table.
+    The first row of a pair comes first in the table.
     """
     rows = [row["key"] for row in summary["rows"]]
     contents = {
@@ -83,7 +83,7 @@ def _changed(one: dict[str, Any], other: dict[str, Any]) -> tuple[str, tuple[Any
 
 
 def _compared(summary: Summary, crossed: Crossed, column: ColumnSummary) -> dict[tuple[str, str], Comparison]:
-    """First row less second row, for each pair that shares a scene and seed."""
+    """Differences, first row minus second row, for each pair that shares a scene and seed."""
     samples = {row: values_of(summary, row, column["key"]) for pair in crossed.pairs for row in pair}
     return compared({(one, two): (samples[one], samples[two]) for one, two in crossed.pairs}, column["direction"])
 

@@ -1,8 +1,8 @@
-"""The findings of a table: the differences to the reference row that are resolved, those that are not and could have
-been, and the paper's differences beside them; as records and as sentences.
+"""The findings of a table: the resolved differences to the reference row, unresolved ones that the run could have
+resolved, and the paper's differences; as records and as sentences.
 
-A published difference is a row's published value minus the published one of the reference row, so it has the sign of
-the measured difference. Its own sign holds where the measured one is resolved in the same direction.
+A published difference is a row's published value minus the reference row's, so it has the sign of the measured
+difference. Its sign holds if the measured difference is resolved in the same direction.
 """
 
 from collections import Counter
@@ -37,13 +37,13 @@ class MeasuredDifference(NamedTuple):
     difference: Interval
     """The measured difference, row minus reference row, in the unit of the column."""
     resolved: bool
-    """Whether the table shows it as resolved, by Holm's correction; False where a footnote concerns either value."""
+    """Whether the table shows it as resolved (Holm's correction); False if a footnote concerns either value."""
     smallest: float | None
     """The smallest true difference of this row that four of five such runs resolve; None for one scene and seed."""
     published: float | None
-    """The paper's difference; None where it prints no value for either of the two rows."""
+    """The paper's difference; None if the paper lacks a value of either row."""
     verdict: Outcome | None
-    """Whether the sign of the paper's difference holds; None without one, where it is zero, and if doubted."""
+    """Whether the paper's sign holds; None without a published difference, if it is zero, or if doubted."""
     doubted: bool = False
     """Whether a footnote concerns either value; sentences leave such differences out."""
 
@@ -71,7 +71,7 @@ class Sentence(NamedTuple):
     row: str = ""
     """Label of the row that it is about, in plain text; empty if it is about the table."""
     latex: str = ""
-    """That label in LaTeX; empty where it is ``row``, escaped."""
+    """The row's label in LaTeX; empty if it is ``row``, escaped."""
 
     @property
     def plain(self) -> str:
@@ -80,7 +80,7 @@ class Sentence(NamedTuple):
 
 
 class ComparedTable(NamedTuple):
-    """A table whose rows may be compared with one of them. Values are by row, then column."""
+    """A table with the rows that may be compared with its reference row. Values are by row, then column."""
 
     reference: str | None
     rows: Sequence[RowSummary]
@@ -90,7 +90,7 @@ class ComparedTable(NamedTuple):
     published_data: str
     scenes: Sequence[str]
     doubted: set[tuple[str, str]]
-    """Rows and columns of the values that a footnote concerns, their own or the reference row's."""
+    """Rows and columns of values that a footnote concerns, directly or through the reference row's value."""
 
 
 def compared_run(run: Summary | RecordedRun) -> ComparedTable:
@@ -174,8 +174,8 @@ def sentences_of(table: ComparedTable) -> list[Sentence]:
 
 
 def headline(table: ComparedTable) -> list[str]:
-    """The main findings of a table in plain words: how the first row that is compared differs from the reference row,
-    and in what it could not be told from it; then the counts over all rows."""
+    """The main findings of a table in plain words: resolved and unresolved differences of the first compared row to the
+    reference row; then the counts over all rows."""
     counted = [each for each in differences_of(table) if not each.doubted]
     counts = [each.text for each in _counts(counted)]
     first = [each for each in counted if each.row == counted[0].row and each.difference["units"] > 1]
@@ -242,7 +242,7 @@ HOW_TO_READ = (
 )
 
 MOST_NAMED = 4
-"""Most scenes that are named."""
+"""Most scenes that a sentence names."""
 
 
 def _conventions(table: ComparedTable, reported: set[str]) -> str:
@@ -271,7 +271,7 @@ def _of_row(table: ComparedTable, row: RowSummary, found: Sequence[MeasuredDiffe
 
 
 def _sizes(others: Sequence[tuple[ColumnSummary, MeasuredDifference]]) -> Iterator[str]:
-    """For which columns the run was too small for the paper's difference, and for which its interval excludes it."""
+    """The columns for whose published difference the run was too small, and the columns whose interval excludes it."""
     small = [column["label"] for column, each in others if each.too_small]
     if small:
         yield f"Too small for this run at the paper's size: {', '.join(small)}."

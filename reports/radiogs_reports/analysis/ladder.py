@@ -17,7 +17,7 @@ ENDS = ("first in", "last out")
 OWN: Mapping[str, str] = {
     "geometry": "normal", "light": "environment", "albedo": "albedo", "roughness": "roughness",
 }  # fmt: skip
-"""The task of the metrics that measure a part itself: giving the part settles them, however good the others are."""
+"""Task of the metrics that measure a part itself: giving the part fixes them, however good the rest is."""
 
 WHAT_THEY_MEAN = (
     "First in: what a metric gains when this part alone is given, compared with nothing given. Last out: what it loses"
@@ -31,8 +31,7 @@ WHAT_THEY_MEAN = (
 
 
 class Share(NamedTuple):
-    """The values of one part, first in and last out (``WHAT_THEY_MEAN``); None where a row that they need has no
-    values."""
+    """The values of one part, first in and last out (``WHAT_THEY_MEAN``); None if a required row has no values."""
 
     first_in: Estimate | None
     last_out: Estimate | None
@@ -46,7 +45,7 @@ class Rung(NamedTuple):
     column: ColumnSummary
     nothing: Estimate | None
     everything: Estimate | None
-    """Without the part that the metric measures itself (``OWN``)."""
+    """Value with everything given except the part that the metric measures itself (``OWN``)."""
     parts: dict[str, Share]
 
 
@@ -136,7 +135,7 @@ def _rung(
 
 
 def _sentence(rung: Rung, several: bool) -> str | None:
-    """The parts that are worth most at both ends, those aside that the metric measures itself."""
+    """The parts that are worth most first in and last out, except the part that the metric measures itself."""
     if rung.nothing is None or rung.everything is None:
         return None
     decimals = rung.column["decimals"]

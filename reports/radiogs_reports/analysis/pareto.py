@@ -21,7 +21,7 @@ class CostPoint(NamedTuple):
 
 
 def points(summary: Summary, column: ColumnSummary, cost: str) -> list[CostPoint]:
-    """A point for every row with a value in the column and a known cost, in the table's order; none of counts."""
+    """A point for every row with a value in the column and a known cost, in the table's order; none for counts."""
     found = list[CostPoint]()
     if column["direction"] == "none":
         return found
@@ -36,10 +36,10 @@ def points(summary: Summary, column: ColumnSummary, cost: str) -> list[CostPoint
 
 
 def pareto_front(costs: Sequence[Sample], samples: Sequence[Sample], direction: Direction) -> set[int]:
-    """Indices of the rows of which each is resolved to be better, and to cost more, than the cheaper ones of them.
+    """Indices of the Pareto front: each row is resolved to be better, and to cost more, than the cheaper rows in it.
 
-    Both by ``comparisons.beaten`` over all rows; of two rows that cost alike only the better one can be there. Empty
-    where fewer than two rows are told apart, or nothing can be tested: a line through noise would say the opposite.
+    Both by ``comparisons.beaten`` over all rows; of two rows of equal cost only the better one belongs. Empty if fewer
+    than two rows are resolved, or nothing can be tested: a line through noise would mislead.
     """
     worse, dearer = beaten(dict(enumerate(samples)), direction), beaten(dict(enumerate(costs)), "down")
     means = {place: mean.mean for place, each in enumerate(costs) if (mean := mean_of(each)) is not None}

@@ -32,7 +32,7 @@ def smallest_of(difference: Estimate, compared: Mapping[str, Comparison]) -> flo
 
 
 def smallest_difference(compared: Mapping[str, Comparison]) -> float | None:
-    """``smallest_of`` a typical row of a column: the median over its rows; None where no row has several units."""
+    """``smallest_of`` a typical row of a column: the median over its rows; None if no row has several units."""
     known = [size for each in compared.values() if (size := smallest_of(each.difference, compared)) is not None]
     return median(known) if known else None
 
@@ -75,7 +75,7 @@ class Plan(NamedTuple):
 def expected_difference(plan: Plan, parts: Mapping[Level, float], comparisons: int) -> float | None:
     """``smallest_difference`` of a plan, given the standard deviations of a difference (``statistics.spread``).
 
-    A part that is not known lies in that of the level above. None for a single unit, or if the units' part is unknown.
+    An unknown part counts in the level above. None for a single unit, or if the units' part is unknown.
     """
     over, units = plan.units()
     if units < 2 or over not in parts:
@@ -90,7 +90,7 @@ def expected_difference(plan: Plan, parts: Mapping[Level, float], comparisons: i
 def needed(wanted: float, plan: Plan, parts: Mapping[Level, float], comparisons: int, more: Level) -> int | None:
     """How many kinds of scenes, scenes of each kind, or seeds resolve a wanted difference, all else as in the plan.
 
-    None where ``MOST`` would not do, or the parts that it takes are not known.
+    None if ``MOST`` does not suffice, or a required part is unknown.
     """
     for count in range(1, MOST + 1):
         found = expected_difference(plan._replace(**{more: count}), parts, comparisons)
@@ -104,7 +104,7 @@ class Planned(NamedTuple):
 
     column: ColumnSummary
     smallest: float | None
-    """The smallest difference that it would resolve; None where the stored spread does not suffice."""
+    """The smallest difference that it would resolve; None if the stored spread does not suffice."""
     wanted: float | None
     """The difference that is wanted; None without one."""
     needed: dict[Level, int]

@@ -47,7 +47,7 @@ class Order(NamedTuple):
     tau: float
     """Kendall's tau-b between the measured and the published values."""
     low: float
-    """The lowest tau of an order of the methods in which all resolved pairs come as they are resolved."""
+    """The lowest tau of any order of the methods that respects all resolved pairs."""
     high: float
     """The highest tau of such an order."""
     by_chance: float
@@ -110,7 +110,7 @@ def _order(summary: Summary, column: ColumnSummary, rows: Sequence[str]) -> Orde
 
 
 def _scores(signs: NDArray[np.int_], sizes: Sequence[int], worse: Sequence[set[int]]) -> Counter[int]:
-    """The number of orders of the methods by their pairs that come as published less those that come reversed.
+    """The number of orders of the methods, by their number of pairs as published minus reversed pairs.
 
     ``signs``: of published differences, [method, method]. ``sizes``: of groups of equal places, the worst first.
     ``worse``: the methods that have to be placed before each. Exact, over 2^n sets of placed methods, not n! orders.

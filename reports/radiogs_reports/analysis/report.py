@@ -15,7 +15,7 @@ class Item(NamedTuple):
     text: str
     value: float | str | None = None
     reason: str = UNKNOWN
-    """Why there is no value."""
+    """Why the value is missing."""
 
 
 class Grid(NamedTuple):
@@ -39,7 +39,7 @@ class Report(NamedTuple):
 
     sentences: list[str]
     grids: list[Grid]
-    """The tables of the values that the sentences are about."""
+    """The tables of the values in the sentences."""
     records: list[Record]
 
 

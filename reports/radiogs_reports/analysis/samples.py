@@ -44,7 +44,7 @@ def cost_of(run: RunSummary, cost: str) -> float | None:
 
 
 def made_from(summary: Summary, row: str) -> dict[str, Any] | None:
-    """Content of the key of one of the row's finished cells; None without a finished cell."""
+    """Content of the key of one of the row's finished cells; None without one."""
     return next((run["made_from"] for run in runs_of(summary, row).values()), None)
 
 
@@ -55,7 +55,7 @@ def changed_fields(one: Mapping[str, Any], other: Mapping[str, Any]) -> set[str]
 
 
 def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """The fields of a stored variant or budget; those of a nested table by dotted names, such as ``geometry.steps``."""
+    """The fields of a stored variant or budget; nested fields by dotted names, such as ``geometry.steps``."""
     found: dict[str, Any] = {}
     for name, value in values.items():
         found |= flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}

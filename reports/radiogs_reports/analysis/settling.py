@@ -1,4 +1,4 @@
-"""Time to quality: seconds of training until a metric stands near its final value, and stays there.
+"""Time to quality: seconds of training until a metric stays near its final value.
 
 It is known only for models that were scored during training (suite ``cost``, with any method). Values during training
 are means over a few test views.
@@ -66,7 +66,7 @@ def settled_after(points: Sequence[ScoredPoint], band: float) -> float | None:
 
 
 def settled_seconds(run: Mapping[str, Any], column: str, unit: str) -> float | None:
-    """Seconds of training until a metric stays near its final value; None where a run was not scored meanwhile."""
+    """Seconds of training until a metric stays near its final value; None without scores during training."""
     points = curve(run, column)
     if not points:
         return None
@@ -89,7 +89,7 @@ def settling(summary: Summary) -> dict[str, dict[str, Settled]]:
 
 
 def settling_report(summary: Summary) -> Report | None:
-    """The report of a run; None where nothing was scored during training."""
+    """The report of a run; None without scores during training."""
     found = summary.get("settling", {})
     if not found:
         return None

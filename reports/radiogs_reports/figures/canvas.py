@@ -1,4 +1,4 @@
-"""Parts of all figures: style, sizes, tiles of pictures, and files whose bytes depend on their content alone."""
+"""Parts of all figures: style, sizes, tiles of pictures, and files with reproducible bytes."""
 
 import hashlib
 import math
@@ -48,7 +48,7 @@ TILE = 1.25
 """Width and height of a picture in a grid, in inches."""
 
 ALL = "all rows"
-"""Label of a picture or curve that is the same for all rows."""
+"""Label of a picture or curve that all rows share."""
 
 CHARACTERS_PER_TILE = 20
 """Characters of a title that fit over a tile."""
@@ -116,7 +116,7 @@ def tiles(bands: int, lines: int, across: int, room: float) -> tuple[Figure, NDA
 
 
 MARKUP = re.compile(r"\\mathrm|[${}_^]")
-"""Characters of the formulas of ``plain`` that are not seen."""
+"""Characters that ``plain``'s formulas do not show."""
 
 
 def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
@@ -167,7 +167,7 @@ def show(axes: Axes, image: maps.Image) -> None:
 
 
 def show_absence(axes: Axes, like: maps.Image) -> None:
-    """Show an empty frame, shaped like another map, where there is no ground truth."""
+    """Show an empty frame, shaped like another map, in place of a missing ground truth."""
     axes.set(xticks=[], yticks=[])
     axes.set_box_aspect(like.shape[0] / like.shape[1])
     axes.text(0.5, 0.5, "no ground\ntruth", transform=axes.transAxes, ha="center", va="center", color="#767676")
@@ -176,6 +176,6 @@ def show_absence(axes: Axes, like: maps.Image) -> None:
 
 
 def hide_empty(grid: NDArray[object_]) -> None:
-    """Hide the axes of a grid that hold neither data nor text."""
+    """Hide axes of a grid without data and text."""
     for axes in grid.ravel():
         axes.set_visible(axes.has_data() or bool(axes.texts))

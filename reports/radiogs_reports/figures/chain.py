@@ -22,7 +22,7 @@ PALE = 0.4
 
 
 def chain_figures(summary: Summary) -> list[Sketch]:
-    """One figure with a panel for each metric; none where the rows are no chain."""
+    """One figure with a panel for each metric; none unless the rows are a chain."""
     rows = chain_of(summary)
     worth = [] if rows is None else worth_of(summary, rows)
     shown = [each for each in worth if each.first is not None and None not in each.steps.values()]

@@ -14,7 +14,7 @@ from ..maps import ERROR_RANGE, KINDS, difference, false_colour
 from ..summary import SheetSummary, Summary
 
 SMALLEST_TILE, LARGEST_TILE = 192, 512
-"""Longer side of a map in the sheet, in pixels: smaller maps are enlarged, larger ones reduced by averaging."""
+"""Bounds of a map's longer side in the sheet, in pixels: smaller maps are enlarged, larger ones averaged."""
 GAP = 6
 LABEL = 26
 TITLE = 34
@@ -80,7 +80,7 @@ def _fitted(image: maps.Image) -> Image.Image:
 def _tiles(arrays: Mapping[str, maps.Image], light: str) -> tuple[list[Tile], list[Tile]]:
     """Labelled tiles of the upper line (ground truth) and of the lower (rendered and recovered).
 
-    Where the image alone has a truth (photos), it stands in front of the lower line, and there is no upper one.
+    If only the image has a truth (photos), the truth comes first in the lower line, and there is no upper line.
     """
     truth: list[Tile] = []
     render: list[Tile] = []

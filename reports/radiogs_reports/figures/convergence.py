@@ -49,7 +49,7 @@ def convergence_figures(summary: Summary) -> list[Sketch]:
 
 
 def mean_curve(trails: Mapping[Origin, Sequence[TrailPoint]], read: Read) -> Curve:
-    """Mean of what ``read`` returns for the points of trails, at the iterations that all of them have."""
+    """Mean over trails of what ``read`` returns for their points, at the iterations that all trails share."""
     curves = {}
     for origin, trail in trails.items():
         known = [(point["iteration"], read(point)) for point in trail]

@@ -19,7 +19,7 @@ PANEL = (2.6, 2.3)
 MOST_COLUMNS = 5
 
 ALIKE = 0.05
-"""Costs that differ by at most this share are alike: a figure against them would show nothing but noise."""
+"""Costs that differ by at most this share count as equal: a figure against them would show only noise."""
 
 LOGARITHMIC_FROM = 8.0
 """Ratio of the largest to the smallest cost from which the axis is logarithmic."""
@@ -94,7 +94,7 @@ TICKS = 5
 
 
 def knob_figures(summary: Summary) -> list[Sketch]:
-    """A figure for each kind of cost that is known, and one of slopes; none where no knob was turned."""
+    """A figure for each known kind of cost, and one of slopes; none without knobs."""
     turned = knobs(summary)
     if not turned:
         return []

@@ -1,4 +1,4 @@
-"""The window of a crop: pictures differ most in it, away from edges of the shape."""
+"""The window of a crop: where pictures differ most, away from edges of the shape."""
 
 from collections.abc import Mapping, Sequence
 
@@ -46,8 +46,8 @@ def crop_place(images: Sequence[maps.Image], counted: NDArray[np.bool_]) -> Wind
 def away_from_edges(found: Mapping[str, maps.Image], like: maps.Image) -> NDArray[np.bool_]:
     """Pixels that show a surface and no edge near it, by the ``normal`` among the maps; all pixels without one.
 
-    At silhouettes and creases two pictures differ by a fraction of a pixel in where the edge is, and by all that lies
-    on its two sides in brightness: the largest difference there is says nothing about light or materials.
+    At silhouettes and creases an edge shifted by a fraction of a pixel changes the brightness by the full step across
+    it: large differences there do not concern light or materials.
     """
     normal = found.get("normal")
     if normal is None or normal.shape[:2] != like.shape[:2]:

@@ -27,7 +27,7 @@ MOST_COLUMNS = 4
 
 
 class Curves(NamedTuple):
-    """The number that differs, its label, and the rows of each series by their setting, lowest first."""
+    """The number that differs, its label, and the rows of each series by their value of it, lowest first."""
 
     field: str
     text: str

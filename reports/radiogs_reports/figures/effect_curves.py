@@ -47,7 +47,7 @@ def effect_curve_figures(summary: Summary) -> list[Sketch]:
 
 
 def _pairs(crossed: Crossed, curves: Curves) -> list[CurvePair]:
-    """The pairs of curves that a setting tells apart at ``FEWEST`` numbers of the budget at least."""
+    """The pairs of curves that differ in a setting at ``FEWEST`` or more numbers of the budget."""
     place = {row: (label, number) for label, rows in curves.series.items() for number, row in rows}
     pairs: dict[tuple[str, str], list[tuple[int, str, str]]] = {}
     for one, other in crossed.pairs:

@@ -23,7 +23,7 @@ MILLISECONDS = ("prepare/ms", "render/ms")
 
 
 class Mode(NamedTuple):
-    """A way of relighting that fine-tunes: its place among the method's such ways, and what it renders."""
+    """A mode of relighting with fine-tuning: its index among the method's such modes, and its title."""
 
     number: int
     title: str
@@ -85,7 +85,7 @@ BEYOND = 10.0
 
 
 def finetuning_figures(summary: Summary, out: Path) -> list[Sketch]:
-    """Curves by iterations, total times, and pictures; none where no rows differ in iterations of fine-tuning."""
+    """Curves by iterations, total times, and pictures; none unless rows differ in iterations of fine-tuning."""
     tuned = tunings(summary)
     if not tuned:
         return []
@@ -285,7 +285,7 @@ SHARED = ("method", "settings")
 
 
 def times_of(summary: Summary, row: str) -> RelightTimes | None:
-    """Mean times over the row's cells; None where they were not measured."""
+    """Mean times over the row's cells; None if not measured."""
     cells = summary["cells"][row]
     means = [cells[column]["mean"] for column in MILLISECONDS if column in cells]
     known = [1e-3 * each for each in means if each is not None]

@@ -45,8 +45,8 @@ def factors(mine: maps.Image, theirs: maps.Image) -> NDArray[np.float64]:
 def tone_mapped(radiance: maps.Image, truth: maps.Image) -> maps.Image:
     """Linear sRGB for display: luminance Y becomes K / (1 + K), with K = KEY Y / (log-mean of the truth's Y).
 
-    Reinhard et al. 2002, equations 1 to 3, with texels weighted by solid angle. A sun a hundred times brighter than its
-    sky and the sky itself are both told apart from white, in the truth and in a map that is too bright by a factor.
+    Reinhard et al. 2002, equations 1 to 3, with texels weighted by solid angle. Both a sun and a sky that is a hundred
+    times darker stay distinguishable from white, in the truth and in a map that is too bright by a factor.
     """
     luminance, weight = truth @ LUMINANCE, np.broadcast_to(_solid_angles(truth), truth.shape[:2])
     lit = luminance > 0
@@ -115,7 +115,7 @@ def components(found: dict[str, maps.Image]) -> dict[str, maps.Image]:
 
 
 def indirect_as_incident(found: Parts) -> Parts:
-    """The maps with the one called indirect named incident: arriving light, which is no part of the image."""
+    """The maps with ``indirect`` renamed ``incident``: it is arriving light, not a part of the image."""
     return {("incident" if name == "indirect" else name): image for name, image in found.items()}
 
 
@@ -159,7 +159,7 @@ def _lines(
 
 
 RELIT, RELIT_INDIRECT = "relit", "relit_indirect"
-"""Kinds of relit maps; the light's name follows after a slash."""
+"""Prefixes of the names of relit maps; the light's name follows after a slash."""
 
 
 def relighting_figures(summary: Summary, out: Path) -> list[Sketch]:

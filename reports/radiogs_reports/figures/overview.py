@@ -19,7 +19,7 @@ LABELS = {"image": "new view", "relit": "relit", "indirect": maps.KINDS["indirec
 """Maps of the figure, in its order, and the labels of its lines."""
 
 FEWEST, MOST = 2, 3
-"""Numbers of rows that the figure is made for: more pictures would be too small."""
+"""Numbers of rows for which the figure is made: with more, pictures would be too small."""
 
 RANGES = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)
 """Errors at which the scale may end; the smallest one is taken that at most ``OUTLIERS`` of the pixels exceed."""
@@ -41,7 +41,7 @@ class ComparedMap:
 
 
 def overview_figures(summary: Summary, out: Path) -> list[Sketch]:
-    """A figure for every scene that two or three rows were run on, with a ground truth for one of the maps."""
+    """A figure for every scene with results of two or three rows and a ground truth for one of the maps."""
     return [
         _figure(views, found)
         for views in scene_views(summary, out)

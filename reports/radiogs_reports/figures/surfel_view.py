@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..maps import display
 
 FACETS = 12
-"""Corners of the polygon that stands for a disk."""
+"""Corners of the polygon that approximates a disk."""
 
 RADIUS = 2.0
 """Radius of a disk in standard deviations; at 2, a Gaussian is at 14 % of its peak."""

@@ -29,19 +29,19 @@ SCRIPTS = (
     "shared", "theme", "sorting", "means", "scatter", "views", "sheets", "zooming", "browser", "gallery", *VIEWER,
     "provenance", "printing", "selection",
 )  # fmt: skip
-"""In the order in which they run: all may use the first, and the last one announces the selection to the others."""
+"""Scripts in the order in which they run: all may use the first, and the last one sends the selection to the others."""
 
 METRICS_OF = {
     "image": "nvs/psnr", "albedo": "albedo/psnr", "normal": "normal/mae", "roughness": "roughness/mse",
     "indirect": "indirect/psnr",
 }  # fmt: skip
-"""The metric whose value of a view stands below a map, by kind. Relit views are scored over all lights."""
+"""By kind of map: the metric whose value of the view is shown below it. Relit views are scored over all lights."""
 
 STYLES = ("page", "tables", "comparison", "printing")
 
 
 LARGEST = 15_000_000
-"""Bytes of a page that is a single file, about: what can be sent by mail. Pictures may have a third in any case."""
+"""Bytes of a page in a single file, about: what mail accepts. Pictures may take a third in any case."""
 
 
 def write_page(
@@ -49,8 +49,8 @@ def write_page(
 ) -> list[Path]:
     """Write ``report.html`` into ``out`` and return its path, then those of the pictures that are files beside it.
 
-    The same stored results give the same bytes. ``figures``: those that it shows. ``beside``: all pictures are files in
-    a folder; else as many as fit are in the page. Without ``pictures`` it has neither images nor surfels, and says so.
+    The same stored results give the same bytes. ``figures``: to be shown. ``beside``: all pictures are files in a
+    folder; else as many as fit are in the page. Without ``pictures`` it has no images or surfels, and a note.
     """
     path = fresh(out / "report.html", out)
     runs = summary["runs"] if pictures else []
@@ -146,7 +146,7 @@ def _look(name: str) -> dict[str, Any]:
 
 
 def selectable(summary: Summary) -> list[tuple[str, str, list[tuple[str, str]]]]:
-    """Groups by which cells can be selected: name, heading, and values with their texts; those with several values."""
+    """Groups by which cells can be selected: name, heading, and values with their texts; only with several values."""
     groups = [
         ("scene", "Scenes", [(scene, marked(summary, scene)) for scene in summary["scenes"]]),
         ("seed", "Seeds", [(str(seed), str(seed)) for seed in summary["seeds"]]),

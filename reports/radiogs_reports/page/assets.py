@@ -53,8 +53,8 @@ def rendered(template: str, script: str, style: str, files: bool = False, **valu
     """A page by its template; names of scenes and rows are escaped, and a name that is not given is an error.
 
     Its content security policy allows this script, this style and embedded pictures, and no request. ``files``:
-    pictures of the page's own place as well, on a disk or a server. A second defence: a name that became markup could
-    neither run nor send anything.
+    pictures of the page's own place as well, on a disk or a server. This is a second defence: even a name that became
+    markup could not run or send anything.
     """
     made = Environment(
         loader=FunctionLoader(lambda name: part("templates", name)),

@@ -1,6 +1,6 @@
 """Maps and error maps of every kept view of every cell, for the page's browser of images.
 
-The sheets stand inside the page, as many as fit, or on request in a folder beside it.
+As many sheets as fit are inside the page, or on request all in a folder beside it.
 """
 
 import base64
@@ -44,7 +44,7 @@ class Album:
     reduced: bool = False
     """Whether there are fewer views than are kept."""
     exact: bool = True
-    """Whether all are as stored; if not, errors and normals are, and the others about 40 dB from it."""
+    """Whether all are as stored; if not, errors and normals are, and other maps are within about 40 dB."""
 
     @property
     def maps(self) -> list[str]:
@@ -56,8 +56,8 @@ def album(runs: Sequence[RunSummary], out: Path, budget: int | None) -> Album:
     """Pictures of all cells that keep maps: within ``budget`` bytes of the page's text; None: in a folder beside it.
 
     Pictures that do not fit are first compressed with loss (not errors and normals), then there are fewer views of each
-    cell; if one is too many, it is halved until it fits; cells of later seeds go last. Raises OSError where the folder
-    cannot be written.
+    cell; if one view is too much, it is halved until it fits; cells of later seeds go last. Raises OSError where the
+    folder cannot be written.
     """
     shown = sorted((run for run in runs if run["arrays"] and run["view"]), key=lambda run: run["seed"])
     if not shown:
@@ -93,7 +93,7 @@ class Full(Exception):
 class Shelf:
     """Keeps encoded sheets by name. ``budget``: bytes, as base64, that a page may hold; None: all go into ``folder``.
 
-    ``exact``: whether all sheets are kept without loss, and not only those that ask for it.
+    ``exact``: whether all sheets are kept without loss, not only the ones that ask for it.
     """
 
     def __init__(self, budget: int | None, folder: Path, exact: bool) -> None:
@@ -157,7 +157,7 @@ def chosen(run: RunSummary, most: int) -> set[int]:
 
 
 def add(binders: dict[str, Binder], pair: ViewMap, factor: int) -> None:
-    """Add the pictures of a map of a view; the error only where there is a truth, in grey: the page colours it."""
+    """Add the pictures of a map of a view; the error, if there is a truth, in grey: the page colours it."""
     kind = maps.kind_of(pair.name)
     binders["mine"].add(pair.view, reduced_by(factor, kind.shown(pair.mine)))
     if pair.theirs is not None:
@@ -185,7 +185,7 @@ def filter_tables() -> list[str]:
 
 
 def pairs(run: RunSummary, out: Path) -> Iterator[ViewMap]:
-    """The maps of a cell, map by map and view by view, one at a time; relit ones are ``relit/<light>``.
+    """The maps of a cell, map by map and view by view, one at a time; relit maps are named ``relit/<light>``.
 
     The view that the result shows is read from its float maps, all others from codes of 8 bits.
     """
@@ -215,7 +215,7 @@ def pairs(run: RunSummary, out: Path) -> Iterator[ViewMap]:
 
 
 def shown_view(run: RunSummary) -> int:
-    """Number of the view whose float maps are stored; 0 where names of views are not."""
+    """Index of the view whose float maps are stored; 0 if the names of views are not stored."""
     views = run.get("views", [])
     return views.index(str(run["view"])) if run["view"] in views else 0
 

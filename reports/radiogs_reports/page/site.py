@@ -1,4 +1,4 @@
-"""The files of a published site: a table over runs, a page of each scene and row, and all of it as data."""
+"""The files of a published site: a table over runs, a page per scene and row, and the data of all."""
 
 import hashlib
 import io
@@ -19,7 +19,7 @@ from .assets import rendered, scripts, styles
 SITE_SCHEMA = "radiogs-bench/site/1"
 
 DATA = "data.json"
-"""It is written first and marks a folder as a site."""
+"""Name of the site's data file, which is written first and marks a folder as a site."""
 
 FILTERS = ("scene", "suite", "method", "division", "protocol", "preset")
 PROVENANCE = ("seeds", "recipe", "date", "commit", "machine", "command")
@@ -35,7 +35,7 @@ class Line(TypedDict):
     page: str
     """The name of its page; empty where it has none."""
     facts: dict[str, str]
-    """Texts by FILTERS and PROVENANCE; empty ones are not stored."""
+    """Texts by the names in FILTERS and PROVENANCE; empty texts are not stored."""
     values: dict[str, dict[str, float | None]]
     """By ``mean`` (over seeds) and ``seed N``, then column."""
     reasons: dict[str, str]
@@ -45,7 +45,7 @@ class Line(TypedDict):
     card: dict[str, list[str]]
     """The model's card: sentences by heading."""
     without: str
-    """Why the page has no pictures; empty where it has."""
+    """Why the page has no pictures; empty if it has some."""
 
 
 def site_files(
@@ -53,7 +53,7 @@ def site_files(
 ) -> Iterator[tuple[str, bytes]]:
     """Every file of the site by its name, DATA first; the same content gives the same bytes.
 
-    ``arrays``: what pictures are made of, by page. Raises ValueError and OSError for arrays that cannot be used.
+    ``arrays``: what pictures are made of, by page. Raises ValueError and OSError for unusable arrays.
     """
     data = {"schema": SITE_SCHEMA, "columns": columns, "lines": lines}
     yield DATA, json.dumps(data, indent=1, sort_keys=True, allow_nan=False).encode()

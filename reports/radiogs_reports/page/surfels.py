@@ -1,8 +1,8 @@
-"""The 3-D view of surfels: those of every cell packed for the page within a budget of bytes, and a page of one model.
+"""The 3-D view of surfels: every cell's surfels packed for the page within a budget of bytes, and a page of one model.
 
-A surfel takes 26 bytes, little-endian: its centre as three uint16 between the lowest and the highest of the cell, its
-two tangents as six int16 in shares of the longest component, and as bytes its opacity, radiance and albedo (both sRGB)
-and roughness. Relighting takes 128 more: bits for 512 directions, and 32 surfels that it meets, as uint16.
+A surfel takes 26 bytes, little-endian: its centre as three uint16 between the cell's lowest and highest coordinates,
+its two tangents as six int16 in shares of the longest component, and as bytes its opacity, radiance and albedo (both
+sRGB) and roughness. Relighting takes 128 more: bits for 512 directions, and 32 surfels that it meets, as uint16.
 """
 
 import base64
@@ -33,12 +33,12 @@ PACKED = np.dtype(
 )
 
 Packed = dict[str, Any]
-"""``low`` and ``step`` [3] of centres, ``reach`` of tangents, ``eye``, ``up`` and ``middle`` [3], from where it is seen
-first, which way is up and what is looked at (None: the middle of the surfels), ``count`` of the whole model,
-``surfels`` in base64; ``relit``, empty or in base64 ``seen``, ``met`` and ``light/<name>`` [32, 64, 3], float32."""
+"""``low`` and ``step`` [3] of centres, ``reach`` of tangents, ``eye``, ``up`` and ``middle`` [3]: first position of the
+viewer, upward direction, point looked at (None: the middle of the surfels), ``count`` of the whole model, ``surfels``
+in base64; ``relit``, empty or in base64 ``seen``, ``met`` and ``light/<name>`` [32, 64, 3], float32."""
 
 NOTHING_MET = 65535
-"""The surfel that is met where there is none."""
+"""Index of the met surfel for a ray that meets none."""
 
 
 def packed_surfels(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> dict[str, Packed]:

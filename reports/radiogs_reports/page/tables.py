@@ -1,4 +1,4 @@
-"""The tables of the page: the suite's, the paper's, the grids of the analyses, and the one of every cell."""
+"""The tables of the page: the suite's, the paper's, the grids of the analyses, and the table of all cells."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The conditions of a run in plain text: its scenes, seeds and protocol, and the sources of its values."""
+"""The conditions of a run in plain text: scenes, seeds and protocol, and the sources of its values."""
 
 import shlex
 
@@ -42,7 +42,7 @@ def published_note(summary: Summary) -> str:
 
 
 def unfinished(summary: Summary) -> str:
-    """The number of finished cells and of scenes that are left out, as sentences; empty if everything is there."""
+    """The number of finished cells and of scenes that are left out, as sentences; empty if all cells are finished."""
     finished, count = sum(run["state"] == "finished" for run in summary["runs"]), len(summary["runs"])
     cells = "" if finished == count else f" {finished} of {count} cells are finished."
     left = len(summary.get("left_out", []))
@@ -74,7 +74,7 @@ def origin(summary: Summary) -> dict[str, str]:
 
 
 def command(summary: Summary) -> str:
-    """The command that asked for the run; where it was not kept, one for a suite and scenes of these names."""
+    """The command that asked for the run; if it was not stored, a command for a suite and scenes of these names."""
     if summary.get("command"):
         return shlex.join(["radiogs-bench", *summary["command"]])
     words = [

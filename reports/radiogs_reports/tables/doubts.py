@@ -13,7 +13,7 @@ def marks(summary: Summary, row: str, column: str) -> str:
 
 
 def shown_verdict(summary: Summary, row: str, column: str, difference: Interval | None) -> Verdict | None:
-    """The verdict that a table shows; None where a footnote concerns the value or the reference row's value."""
+    """The verdict that a table shows; None if a footnote concerns the value or the reference row's value."""
     return None if difference is None or is_doubted(summary, row, column) else difference["verdict"]
 
 
@@ -23,7 +23,7 @@ def footnotes(summary: Summary) -> list[str]:
 
 
 def remarks(summary: Summary) -> list[str]:
-    """Doubts that concern no column, such as differences between a method and the published one of its name."""
+    """Doubts that concern no column, such as a method's differences from the published method of its name."""
     return [doubt["text"] for doubt in summary.get("doubts", []) if not doubt["column"]]
 
 

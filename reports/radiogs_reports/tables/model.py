@@ -28,7 +28,7 @@ class Column:
     published_by: str = ""
     """The protocol of its published values, where its conventions are others than the run's; else empty."""
     smallest: float | None = None
-    """The smallest difference that it could have shown (``analysis.power``); None where none has an interval."""
+    """The smallest difference that the run could have resolved in it (``analysis.power``); None without intervals."""
     meaning: str = ""
     """Definition of the metric, in words."""
     numeric: bool = True
@@ -58,7 +58,7 @@ class Difference:
     low: str
     high: str
     verdict: Verdict | None
-    """The colour or the word of the value; None where nothing is resolved, or a footnote concerns either value."""
+    """Which row is better, shown as a colour or a word; None if unresolved, or if a footnote concerns either value."""
 
     @property
     def plus_minus(self) -> str:
@@ -67,7 +67,7 @@ class Difference:
 
 
 def difference_of(interval: Interval | None, decimals: int, verdict: Verdict | None) -> Difference | None:
-    """A difference with the decimals of its column, or those that half its interval needs; None without one."""
+    """A difference with its column's decimals, or as many as half its interval needs; None without a difference."""
     if interval is None:
         return None
     width, low, high = half_width(interval), interval["low"], interval["high"]
@@ -84,24 +84,24 @@ def difference_of(interval: Interval | None, decimals: int, verdict: Verdict | N
 
 @dataclass(frozen=True)
 class PrintedCell:
-    """A value as it is printed, with everything that stands beside it."""
+    """A value as printed, with everything that is printed beside it."""
 
     text: str
-    """The value with the decimals of its column; ``n/a`` if there is none."""
+    """The value with its column's decimals; ``n/a`` for a missing value."""
     value: float | str | None
-    """The value that it sorts by: the magnitude where zero is best. None if there is none."""
+    """The value that it sorts by: its magnitude if zero is best; None for a missing value."""
     reason: str = ""
-    """Why there is no value."""
+    """Why the value is missing."""
     marks: str = ""
     """The marks of its footnotes."""
     rank: str = ""
     """Its rank among the rows, in words; empty for a row that was not compared."""
     difference: Difference | None = None
-    """None in the reference row, and where nothing is compared."""
+    """None in the reference row, and without a comparison."""
     published: "PrintedCell | None" = None
-    """The published value that stands beside it; None where the table prints none there."""
+    """The published value beside it; None if the table prints none there."""
     apart: "PrintedCell | None" = None
-    """The published value by other conventions, which is not to be compared with it."""
+    """The published value by other conventions, which must not be compared with it."""
 
     @property
     def verdict(self) -> Verdict | None:
@@ -143,9 +143,9 @@ class PrintedRow:
     cells: Sequence[PrintedCell]
     key: str = ""
     latex: str = ""
-    """Its label in LaTeX; empty where that is ``text``, escaped."""
+    """Its label in LaTeX; empty if it is ``text``, escaped."""
     ran: str = ""
-    """Label of the measured row, if another one ran than the row of the paper; else empty."""
+    """Label of the measured row if it is not the paper's row; else empty."""
     remark: str = ""
     """How to read the paper's values of this row."""
     opens: str = ""
@@ -160,12 +160,12 @@ class PrintedRow:
 
     @property
     def published_label(self) -> str:
-        """The label of published values below the measured ones; empty where it would be the same again."""
+        """The label of published values below the measured ones; empty if it would repeat the measured label."""
         return self.text if self.ran else ""
 
     @property
     def has_published(self) -> bool:
-        """Whether published values stand beside the measured ones."""
+        """Whether published values are printed beside the measured ones."""
         return any(cell.published is not None for cell in self.cells)
 
 
@@ -193,7 +193,7 @@ class Table:
     headline: Sequence[str] = ()
     """Its main findings, in a sentence or two."""
     findings: Sequence[Sentence] = ()
-    """The differences that are resolved, those that are not, and the paper's beside them; they stand above it."""
+    """Its findings, which are printed above it: resolved differences, unresolved ones, and the paper's differences."""
     legend: Sequence[str] = ()
     """How the table is read, where colours show what is resolved."""
     legend_in_words: Sequence[str] = ()
@@ -203,7 +203,7 @@ class Table:
     footnotes: Sequence[str] = ()
     """Doubts about single values, each behind the mark that the values have."""
     remarks: Sequence[str] = ()
-    """Differences between rows and their names, which concern no column."""
+    """Remarks on methods and recipes, which concern no column."""
 
     def note(self, text: str) -> int:
         """The index of a reason or remark among ``notes``."""

@@ -107,7 +107,7 @@ def _side_by_side(table: Table) -> Table:
 
 
 def _reasons(table: Table) -> Iterator[str]:
-    """Why values are missing, and remarks on rows: line by line, and then those of the published values apart."""
+    """Why values are missing, and remarks on rows: line by line, then the separate published values' reasons."""
     for row in table.rows:
         yield from (each.reason for cell in row.cells for each in (cell, cell.published) if each and each.value is None)
         yield from [row.remark] if row.has_published and row.remark else []
@@ -117,7 +117,7 @@ def _reasons(table: Table) -> Iterator[str]:
 
 
 def _apart_title(table: PaperTable, summary: Summary) -> str:
-    """The heading of published values that are by other conventions than the measured ones; empty if there are none."""
+    """The heading of published values by other conventions than the measured ones; empty without such values."""
     others = {column["published_by"] for column in table["columns"] if "published_by" in column}
     if not others:
         return ""

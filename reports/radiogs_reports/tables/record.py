@@ -32,7 +32,7 @@ class Agreement(NamedTuple):
     row: str
     column: str
     outcome: str
-    """One of the five above."""
+    """The outcome: one of the five constants above."""
     sentence: str
 
 
@@ -41,16 +41,16 @@ class RecordReport(NamedTuple):
 
     title: str
     facts: Mapping[str, str]
-    """Its origin and its conditions, by heading; without those that are not known."""
+    """Its origin and conditions by heading, without unknown ones."""
     table: Table
     agreements: Sequence[Agreement]
-    """Row by row; empty where no run stands beside it."""
+    """Row by row; empty without a run to compare with."""
     by_scene: Grid
     """Its differences to the reference row, scene by scene."""
 
     @property
     def agreement(self) -> str:
-        """How many differences agree with this run, in a sentence; empty where no run stands beside it."""
+        """The number of differences that agree with this run, in a sentence; empty without a run to compare with."""
         counts = Counter(each.outcome for each in self.agreements)
         if not counts:
             return ""
@@ -62,13 +62,13 @@ class RecordReport(NamedTuple):
 
 
 def record_reports(summary: Summary) -> list[RecordReport]:
-    """The record of a run's suite, each of its runs compared with this run; empty where the project has none."""
+    """The record of a run's suite, each of its runs compared with this run; empty if the project has none."""
     here = suite_table(summary)
     return [record_report(run, f"record-{place}", here) for place, run in enumerate(summary.get("longer_runs", []))]
 
 
 def record_report(run: RecordedRun, name: str, here: Table | None = None) -> RecordReport:
-    """A recorded run as it is shown. ``name``: of its table. ``here``: the table of a run to compare with it."""
+    """A recorded run for display. ``name``: of its table. ``here``: the table of a run to compare with it."""
     facts = {
         **{name: run["origin"].get(name, "") for name in ORIGIN},
         "Machine": run["machine"],
@@ -101,8 +101,8 @@ def _cell(run: RecordedRun, row: str, column: ColumnSummary) -> PrintedCell:
 
 
 def claims(runs: Sequence[RecordedRun]) -> Grid | None:
-    """The paper's differences, each beside what the recorded runs of its suite measured by every recipe; None where
-    the paper reports none of their differences."""
+    """The paper's differences, each beside the measured differences of its suite's recorded runs by every recipe; None
+    if the paper reports none of these differences."""
     recipes = list(dict.fromkeys(run["recipe"] for run in runs))
     lines: dict[tuple[str, str, str], list[Item]] = {}
     for run in runs:

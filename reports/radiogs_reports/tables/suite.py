@@ -73,7 +73,7 @@ def _cell(summary: Summary, row: str, column: ColumnSummary) -> PrintedCell:
 
 
 def value_cell(value: float | None, column: ColumnSummary, reason: str | None) -> PrintedCell:
-    """A value of a metric; where zero is best, it sorts by its magnitude."""
+    """A value of a metric; if zero is best, it sorts by its magnitude."""
     if value is None:
         return missing_cell(reason)
     return PrintedCell(number(value, column["decimals"]), abs(value) if column["direction"] == "zero" else value)

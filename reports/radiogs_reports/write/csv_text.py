@@ -22,8 +22,8 @@ def csv_of(records: Sequence[dict[str, Any]]) -> str:
 def value_fields(
     summary: Summary, column: ColumnSummary | PaperColumn, value: CellSummary | PaperValue, published: Any
 ) -> dict[str, Any]:
-    """The fields of a value of a table: its mean, what that is over, its difference to the reference row with the ends
-    of its interval, the units and whether it is resolved, its rank, and the published value beside it."""
+    """The fields of a value of a table: its mean and the mean's units, its difference to the reference row with the
+    ends of its interval, units and whether it is resolved, its rank, and the published value beside it."""
     interval = value["difference"]
     names = {"mean": "difference", "low": "difference_low", "high": "difference_high", "over": "over", "units": "units",
              "p_value": "p_value", "verdict": "resolved"}  # fmt: skip

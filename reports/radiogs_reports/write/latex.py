@@ -29,7 +29,7 @@ def tabular(layout: str, heads: Sequence[str], lines: Sequence[str]) -> list[str
 
 
 LEFT = r"\par\raggedright"
-"""Precedes the notes below a table."""
+"""LaTeX before the notes below a table."""
 
 PREAMBLE = r"""\documentclass{article}
 \usepackage[T1]{fontenc}
@@ -103,17 +103,17 @@ def as_formula(text: str) -> str:
 
 
 def label_of(latex: str, text: str) -> str:
-    """A label in LaTeX; its plain text, escaped, if it has no other or one that is more than mathematics."""
+    """A label in LaTeX; its escaped plain text if it has no LaTeX, or LaTeX other than text and mathematics."""
     return latex if latex and is_mathematics(latex) else as_formula(text)
 
 
 MINUS = "\u2212"
 
 HYPHEN = re.compile(r"(?<![\w.])-(?=\d)")
-"""The sign of a number, which a line must not break behind."""
+"""The sign of a number, after which a line must not break."""
 
 TOGETHER = 20
-"""Most figures that LaTeX places at once: it holds back every figure that has no page yet, and stops at too many."""
+"""Most figures between two page breaks: LaTeX holds back figures without a page, and stops at too many."""
 
 
 def found_in(findings: Sequence[Sentence]) -> list[str]:
@@ -157,7 +157,7 @@ def note_mark(index: int) -> str:
 
 
 def document(*parts: str) -> str:
-    """A document of its own around parts of LaTeX, which pdflatex compiles."""
+    """A complete document around parts of LaTeX, which pdflatex compiles."""
     return "".join([PREAMBLE, *parts, END])
 
 

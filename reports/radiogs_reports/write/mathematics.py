@@ -1,4 +1,4 @@
-r"""Which LaTeX of a row's label is text with formulas: by a list of commands, so that a report has no others.
+r"""Whether LaTeX of a row's label is only text with formulas, by a list of allowed commands.
 
 A label is checked by reduction: known symbols become one letter each, then groups without groups within do, and so
 on outwards; what is left is text, with formulas of letters and scripts between dollars.
@@ -24,7 +24,7 @@ LETTERS = (
 """Commands without an argument that may be an index or an exponent without braces."""
 
 WIDE = ("sum", "prod", "neq", "int", "max", "min", "log", "exp", "sin", "cos", "quad", "ldots", "cdots", "dots")
-"""Commands without an argument that need braces there."""
+"""Commands without an argument that need braces as an index or exponent."""
 
 FONTS = ("mathbf", "mathrm", "mathcal", "mathit", "mathsf", "mathtt")
 ACCENTS = ("hat", "bar", "tilde", "vec", "sqrt", "boldsymbol")
@@ -45,10 +45,10 @@ GROUP = re.compile(
     rf"|\\(?:{'|'.join(ACCENTS)})\{{{TERM}*\}}|\\frac\{{{TERM}*\}}\{{{TERM}*\}}|\\text\{{{TEXT}*\}}"
 )
 LABEL = re.compile(rf"(?![*\[])(?:{TEXT}|\${TERM}+\$)*")
-"""Not with a star or a bracket in front, which would belong to the line before."""
+"""Pattern of a label: it must not begin with a star or a bracket, which would belong to the line before."""
 
 DEEPEST = 20
-"""Most groups within one another."""
+"""Deepest nesting of groups."""
 
 
 def is_mathematics(latex: str) -> bool:

@@ -11,7 +11,7 @@ PLAIN = re.compile(r"([+-]?)(\d+)(?:\.(\d+))?")
 """Numbers that siunitx aligns; anything else, such as n/a or an exponent, is text in the middle of the column."""
 
 SETUP = r"\sisetup{group-minimum-digits=9,retain-explicit-plus=true}"
-"""Precedes a tabular: digits are not grouped, and a gain keeps its plus; a number is printed as it was given."""
+"""LaTeX before a tabular: digits are not grouped, a gain keeps its plus, and numbers are printed as given."""
 
 MOST_ACROSS = 6
 """Most numbers side by side; more continue in a tabular below, because print would make them too small to read."""
@@ -25,9 +25,9 @@ class Entry(NamedTuple):
 
     number: str = ""
     style: str = ""
-    """LaTeX in front of it: size and colour."""
+    """LaTeX before it: size and colour."""
     behind: str = ""
-    """LaTeX behind it, in the narrow column."""
+    """LaTeX after it, in the narrow column."""
 
     def __bool__(self) -> bool:
         return bool(self.number or self.behind)
@@ -60,7 +60,7 @@ class TabularLine(NamedTuple):
     """A line of a table."""
 
     label: str
-    """LaTeX in front of the numbers, with the separators of its cells."""
+    """LaTeX before the numbers, with the separators of its cells."""
     entries: Sequence[Entry]
 
     def cut(self, part: slice) -> "TabularLine":
@@ -73,7 +73,7 @@ class TabularLine(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Lines that belong together, the first of which is always there; a group with a title stands below a rule."""
+    """Lines that belong together, the first of which is always printed; a rule precedes a group with a title."""
 
     lines: Sequence[TabularLine]
     title: str = ""
@@ -100,7 +100,7 @@ def parts(count: int) -> list[slice]:
 def tabulars(lead: str, label: str, heads: Callable[[slice], Sequence[str]], groups: Sequence[Group]) -> list[str]:
     """Tabulars below each other, one of each part of the columns, within a table environment.
 
-    ``lead``: layout of the columns of the labels. ``label``: the table's, for the heads of what continues it.
+    ``lead``: layout of the columns of the labels. ``label``: the table's, for the heads of its continuations.
     """
     lines, held = [r"\small"], 0
     for part in parts(len(groups[0].lines[0].entries)):

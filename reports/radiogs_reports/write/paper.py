@@ -16,8 +16,8 @@ def paper_latex(table: Table) -> str:
     """The table environment; documents must load booktabs, graphicx, amsmath, siunitx and xcolor (option ``table``).
 
     A row has a line of measured values, one of their differences to the reference row if it has any, and one of
-    published values; those by other conventions are below all rows. A value that does not exist is n/a, with its reason
-    in a note.
+    published values; values by other conventions follow below all rows. A missing value is n/a, with its reason in a
+    note.
     """
     groups = [Group(_row_lines(table, row)) for row in table.rows]
     if table.apart_title:
@@ -81,7 +81,7 @@ def _heading(column: Column) -> str:
 
 
 def paper_markdown(table: Table) -> str:
-    """Lines of measured and published values by row; values by other conventions and reasons of missing ones below."""
+    """Lines of measured and published values by row; values by other conventions and reasons of n/a below."""
     lines = [f"# {table.title}", "", *listed([each.plain for each in table.findings])]
     lines += table_head(["", "", *(column.heading for column in table.columns)])
     for row in table.rows:
@@ -116,7 +116,7 @@ def _measured(table: Table, cell: PrintedCell) -> str:
 
 
 def _marked(table: Table, cell: PrintedCell | None) -> str:
-    """A value, or n/a with the number of its note; empty where the table has no value."""
+    """A value, or n/a with the number of its note; empty if the table has no value there."""
     if cell is None:
         return ""
     return cell.text if cell.value is not None else f"{cell.text} [{table.note(cell.reason) + 1}]"
@@ -127,7 +127,7 @@ def _remark(table: Table, row: PrintedRow) -> str:
 
 
 def paper_csv(table: PaperTable, summary: Summary) -> str:
-    """One record per value: row, column, mean, what it is over, count, difference, its interval, rank, published value,
+    """One record per value: row, column, mean and its units, count, difference, its interval, rank, published value,
     reasons."""
     records = []
     for row in table["rows"]:

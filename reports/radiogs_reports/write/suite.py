@@ -12,9 +12,9 @@ from .numbers import Entry, Group, TabularLine, difference_entry, environment, o
 def suite_latex(table: Table) -> str:
     """The table environment, for documents that load booktabs, graphicx, siunitx and xcolor (option ``table``).
 
-    Under each mean stands its paired difference to the reference row with the half-width of the 95 % interval; beside
-    it, in grey, the published value. A value that does not exist is n/a, with its reason in a note; findings, footnotes
-    of values, and remarks on methods follow the table as text.
+    Below each mean is its paired difference to the reference row with the half-width of the 95 % interval; beside it,
+    in grey, the published value. A missing value is n/a, with its reason in a note; findings, footnotes of values, and
+    remarks on methods follow the table as text.
     """
     groups = [_group(table, row) for row in table.rows]
     label = f"tab:{table.name}"
@@ -32,7 +32,7 @@ def _heads(table: Table, part: slice) -> list[str]:
 
 
 def _group(table: Table, row: PrintedRow) -> Group:
-    """A line of means with published values behind them, and one of differences with the half-widths of intervals."""
+    """A line of means with published values behind them, and a line of differences with half-widths of intervals."""
     means = TabularLine(label_of(row.latex, row.text), [_mean(table, cell) for cell in row.cells])
     differences = TabularLine("", [difference_entry(cell.difference) for cell in row.cells])
     return Group([line for line in (means, differences) if any(line.entries)])

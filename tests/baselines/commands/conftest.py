@@ -51,7 +51,7 @@ def shelf(pantry: Callable[[str], Path]) -> Shelf:
 
 @pytest.fixture
 def cell_of(convex: Scene, tmp_path: Path) -> Cells:
-    """A cell of a method's file on the scene, in a folder of its own."""
+    """A cell of a method's file on the scene, in its own folder."""
 
     def made(text: str, work: str = "work", scene: Scene = convex, **given: Any) -> Bench:
         return Bench(method_of(tmp_path, text), scene, tmp_path / work, **given)

@@ -1,7 +1,7 @@
-"""A public code that is none: it reads a scene's cameras and lays out results that were made for it beforehand.
+"""A fake public code: it reads a scene's cameras and lays out prepared results.
 
-It has the three scripts of its kind (train, render, relight) and every bad habit that is asked for. Only Python's own
-library is used, so that it starts at once.
+It has the three scripts of its kind (train, render, relight) and every requested bad habit. Only Python's own library
+is used, so that it starts at once.
 """
 
 import json
@@ -133,9 +133,9 @@ def behave(arguments: Namespace) -> None:
 
 
 def orphan(arguments: Namespace, name: str, leave_mark: bool = True) -> None:
-    """Start a process that is deaf to requests, in a session of its own, and note its number.
+    """Start a process that ignores signals, in its own session, and note its number.
 
-    Its parent ends at once; without the mark, with the command.
+    Its parent ends at once; a process without the mark ends with the command.
     """
     environment = dict(os.environ) if leave_mark else {}
     noted = arguments.output.parent / f"orphan-{name}"

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Stands in for a public code's interpreter: whatever script it is given, it writes what a plan says.
+"""Stands in for a public code's interpreter: for any script it writes the files of a plan.
 
 The plan (a JSON file, ``STAND_IN_PLAN``) lists for each run the files to write and the files to copy. Files that a
 command is told to read must be there.

@@ -1,4 +1,4 @@
-"""Codes that crash, hang, write half or fill the disk end in an error that says so, and nothing before them is lost."""
+"""Codes that crash, hang, write half or fill the disk end in an error with a cause, and earlier work is kept."""
 
 import os
 import resource
@@ -47,11 +47,11 @@ def cell(cell_of: Cells, second: str, head: str = "", limit: float | None = None
 
 
 def mended(bench: Bench, folder: Path) -> Bench:
-    """The same cell after its code was mended; what the file says of it is the same."""
+    """The same cell after its code was repaired; the method's file is unchanged."""
     return Bench(method_of(folder, toml([FIRST, SECOND])), bench.scene, bench.workspace, states=bench.states)
 
 
-def test_a_crash_says_what_the_code_said_last_and_where_its_log_is(cell_of: Cells) -> None:
+def test_a_crash_message_has_the_codes_last_lines_and_its_log(cell_of: Cells) -> None:
     bench = cell(cell_of, f"{SECOND}|--habit|crash")
     with pytest.raises(CommandFailed) as failure:
         bench.train()
@@ -63,7 +63,7 @@ def test_a_crash_says_what_the_code_said_last_and_where_its_log_is(cell_of: Cell
     assert [state["done"] is not None for state in bench.states] == [True, False]
 
 
-def test_what_was_done_before_a_crash_is_not_done_again(tmp_path: Path, cell_of: Cells) -> None:
+def test_commands_finished_before_a_crash_do_not_run_again(tmp_path: Path, cell_of: Cells) -> None:
     """Also where the harness was killed before it had stored that the command was done."""
     note = tmp_path / "note"
     text = toml([f"{FIRST}|--note|{note}", f"{SECOND}|--note|{note}|--habit|crash after half"])
@@ -103,7 +103,7 @@ def test_children_in_sessions_of_their_own_are_ended_with_the_command(cell_of: C
     assert not any(map(lives, numbers))
 
 
-def test_what_outlives_a_command_that_ended_well_is_ended(cell_of: Cells) -> None:
+def test_processes_that_outlive_their_command_are_ended(cell_of: Cells) -> None:
     bench = cell(cell_of, f"{SECOND}|--habit|leave an orphan")
     bench.train()
     assert [lives(pid) for pid in orphans(bench.workspace)] == [False]
@@ -150,7 +150,7 @@ def test_the_command_of_a_killed_harness_is_ended_before_the_next_begins(
 
 
 def test_without_a_first_process_only_the_mark_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Session 0 is that of the kernel's threads, and inside a container that of its first process."""
+    """Session 0 belongs to the kernel's threads, and inside a container to its first process."""
     monkeypatch.setattr(os, "getsid", lambda pid: 0)
     assert process.Family(0, str(tmp_path)).living() == {}
 
@@ -203,7 +203,7 @@ def test_an_image_that_is_cut_off_is_an_error(cell_of: Cells, shelf: Shelf) -> N
         assert "is damaged" in failure.value.why
 
 
-def test_what_must_be_rendered_and_is_not_is_an_error(cell_of: Cells, shelf: Shelf) -> None:
+def test_unrendered_views_are_an_error(cell_of: Cells, shelf: Shelf) -> None:
     text = toml([FIRST], f"{shelf('gs-ir')}\nmaps = ['image', 'indirect']", reader="gs-ir")
     trained = cell_of(text).train()
     with pytest.raises(CommandFailed) as failure:
@@ -264,7 +264,7 @@ def test_a_program_that_is_not_there_is_an_error(
     assert "No such file" in failure.value.why
 
 
-def test_a_file_that_may_not_grow_is_told_as_a_full_disk(tmp_path: Path, cell_of: Cells) -> None:
+def test_a_file_that_may_not_grow_is_reported_as_a_full_disk(tmp_path: Path, cell_of: Cells) -> None:
     """RLIMIT_FSIZE: the kernel refuses in the middle of a write, as on a full disk."""
     bench = cell(cell_of, f"{SECOND}|--habit|fill the disk")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -323,7 +323,7 @@ def test_a_full_disk_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_memory_is_that_of_all_processes(cell_of: Cells) -> None:
+def test_memory_is_summed_over_all_processes(cell_of: Cells) -> None:
     trained = cell(cell_of, f"{SECOND}|--habit|take memory").train()
     peaks = {name: record["peak_bytes"] or 0 for name, record in trained.product.items()}  # None: ended before a sample
     assert peaks["stage-2"] > 200 * 2**20 > peaks["stage-1"]

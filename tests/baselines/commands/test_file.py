@@ -63,7 +63,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_in_a_file_is_said(case: str, tmp_path: Path) -> None:
+def test_wrong_values_in_a_file_are_named(case: str, tmp_path: Path) -> None:
     text, what, hint = WRONG[case]
     with pytest.raises(UsageError) as error:
         method_of(tmp_path, text)
@@ -74,7 +74,7 @@ def test_what_is_wrong_in_a_file_is_said(case: str, tmp_path: Path) -> None:
     assert error.value.remedy
 
 
-def test_a_sound_file_is_read_and_a_missing_one_is_said_to_be(tmp_path: Path) -> None:
+def test_a_sound_file_is_read_and_a_missing_one_is_named(tmp_path: Path) -> None:
     assert isinstance(method_of(tmp_path, SOUND), CommandMethod)
     own = re.sub(r"\[code\](\n.+){4}", '[code]\nfolder = "."', SOUND)
     assert "url" not in own
@@ -123,7 +123,7 @@ def test_a_run_that_a_code_cannot_read_is_refused_before_anything_starts(
     assert not (tmp_path / "work").exists() or not any((tmp_path / "work").rglob("*.log"))
 
 
-def test_settings_are_those_of_the_scene(tmp_path: Path, cell_of: Cells) -> None:
+def test_settings_follow_the_scene(tmp_path: Path, cell_of: Cells) -> None:
     note = tmp_path / "note"
     text = toml([f"--name|model-1|--note|{note}|{{size}}"]) + "\n[settings]\nsize = ['--size', '5']"
     for here, size in ((None, 5), ("['--size', '6']", 6), ("[]", 1000)):
@@ -133,7 +133,7 @@ def test_settings_are_those_of_the_scene(tmp_path: Path, cell_of: Cells) -> None
         assert (bench.workspace / "output" / "model-1.pth").stat().st_size == size
 
 
-def test_a_light_or_camera_that_is_none_of_the_scenes_is_refused(convex: Scene, cell_of: Cells) -> None:
+def test_a_light_or_camera_outside_the_scene_is_refused(convex: Scene, cell_of: Cells) -> None:
     trained = cell_of(SOUND).train()
     with pytest.raises(DataError, match="a light that is not one of the scene's"):
         trained.prepare(EnvironmentMap(torch.ones(2, 4, 3)))

@@ -69,7 +69,7 @@ def test_a_camera_that_was_not_rendered_is_refused(convex: Scene, cell_of: Cells
         prepared.render(replace(convex.test[0].camera, fx=1.0))
 
 
-def test_facts_say_what_was_run_and_what_it_took(convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf) -> None:
+def test_facts_state_the_commands_and_their_cost(convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf) -> None:
     laid = shelf("irgs")
     text = toml(["--name|model-1"], laid, f"{laid}|--light|{{light}}", "irgs", 'traps = ["It is none."]')
     bench = cell_of(text)
@@ -111,7 +111,7 @@ def test_a_command_is_not_run_again_while_its_results_are_there(
     assert note.read_text().splitlines()[-1].startswith("render")
 
 
-def test_what_was_rendered_of_another_training_is_rendered_again(tmp_path: Path, cell_of: Cells, shelf: Shelf) -> None:
+def test_renderings_of_another_training_are_replaced(tmp_path: Path, cell_of: Cells, shelf: Shelf) -> None:
     note = tmp_path / "note"
     laid = f"{shelf('gs-ir')}|--note|{note}"
     text = toml(["--name|model-1"], laid, reader="gs-ir", head="resumes = true").replace('["--resume"]', "[]")
@@ -123,8 +123,8 @@ def test_what_was_rendered_of_another_training_is_rendered_again(tmp_path: Path,
         bench.states = []
 
 
-def test_what_another_command_has_left_is_not_taken_for_ones_own(cell_of: Cells) -> None:
-    """A workspace is of one cell; should it be of two, neither takes the other's results."""
+def test_files_of_another_command_are_not_taken_as_results(cell_of: Cells) -> None:
+    """A workspace belongs to one cell; if two cells share it, neither takes the other's results."""
     for size in (5, 6):
         bench = cell_of(toml([f"--name|model-1|--size|{size}"]))
         bench.train()
@@ -178,9 +178,7 @@ def test_numbered_files_are_of_test_views_and_of_no_view_elsewhere(
         assert (relit.render(view.camera)["image"] - truth).abs().mean() < 0.05
 
 
-def test_the_lights_that_a_code_reads_are_those_of_the_scene(
-    convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf
-) -> None:
+def test_a_code_reads_the_lights_of_the_scene(convex: Scene, tmp_path: Path, cell_of: Cells, shelf: Shelf) -> None:
     laid = f"{shelf('plain')}|--light|{{light}}|--light_file|{{light_file}}"
     bench = cell_of(toml(["--name|model-1"], "", laid))
     trained = bench.train()

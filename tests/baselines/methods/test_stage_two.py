@@ -192,7 +192,7 @@ class Recovery:
     """A stage that learns albedo alone."""
 
     rates: Mapping[str, float]
-    """Rates beside those of light and roughness, which are zero."""
+    """Rates besides the rates of light and roughness, which are zero."""
     steps: int
     """Steps until the albedo is found."""
     turned: Mapping[str, Any] = field(default_factory=dict)

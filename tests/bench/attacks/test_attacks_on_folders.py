@@ -168,7 +168,7 @@ def with_holes(path: Path) -> None:
         ("stages/*.pt", "verify"),
     ],
 )
-def test_what_is_no_regular_file_of_bounded_size_is_refused_unread(
+def test_irregular_and_too_large_files_are_refused_unread(
     name: str, command: str, put: Callable[[Path], None], run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Attack results_folder_pipes: these hung, or took all memory."""
@@ -306,7 +306,7 @@ def test_a_suite_has_no_more_bytes_and_rows_than_can_be_compared(
 
 
 def test_reports_of_a_run_that_was_killed_while_it_wrote_them_are_recognised(run: Path) -> None:
-    """Attack killed_report_leaves_figures: they stayed among those of the next suite for good."""
+    """Attack killed_report_leaves_figures: leftover figures stayed among the next suite's for good."""
     for name in ("figures/theirs.png", "tables/theirs.csv"):
         (run / name).parent.mkdir(exist_ok=True)
         (run / name).write_text("a stranger's")

@@ -25,7 +25,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("count", [240, pytest.param(2000, marks=pytest.mark.slow)])
 def test_every_changed_byte_is_noticed_when_it_is_read(count: int, run: Path) -> None:
-    """Audit M6 and L: of 106 changed cells 23 gave another value with nothing said, and 3 a traceback."""
+    """Audit M6 and L: of 106 changed cells 23 silently gave another value, and 3 a traceback."""
     found = flips(run, count, seed=1)
     assert sum(counts.total() for counts in found.values()) == count
     for kind, counts in found.items():
@@ -49,7 +49,7 @@ def test_no_damaged_suite_ends_in_an_error_that_is_not_explained() -> None:
 
 
 def test_the_second_reading_sees_another_camera_and_another_image(tmp_path: Path) -> None:
-    """The oracle of the outcome "silent" is no formality."""
+    """The outcome "silent" of the judge does occur."""
     folder = fuzz.small_scene(tmp_path / "corner")
     scene = load_scene(str(folder))
     assert fuzz.agrees(folder, scene)
@@ -68,7 +68,7 @@ def test_the_second_reading_sees_another_camera_and_another_image(tmp_path: Path
 
 
 def tried(folder: Path, what: str, within: Sequence[str] = ()) -> list[dict[str, Any]]:
-    """Run the sweep under every size; what holds at each of them is asserted here."""
+    """Run the sweep at every size; properties that hold at each size are asserted here."""
     command = [*within, sys.executable, "-m", "bench.full_disk", str(folder), what]
     done = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

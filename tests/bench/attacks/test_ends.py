@@ -1,4 +1,4 @@
-"""How commands end where neither a cell failed nor a figure moved: they say what it was, with a code of its own."""
+"""How commands end without a failed cell or a changed figure: with the cause, and an exit code of its own."""
 
 import os
 import resource
@@ -41,7 +41,7 @@ def finished(folder: Path, suite: Suite = ABLATIONS) -> Sweep:
 
 @pytest.mark.slow
 def test_a_run_reports_itself_where_another_was_started_in_its_folder(tmp_path: Path) -> None:
-    """Audit M9: the first printed the second's table and wrote no report of its own."""
+    """Audit M9: the first run printed the second one's table and wrote no report of its own."""
     from dataclasses import replace
 
     first = finished(tmp_path)
@@ -56,7 +56,7 @@ def test_a_run_reports_itself_where_another_was_started_in_its_folder(tmp_path: 
 
 
 @pytest.mark.slow
-def test_reports_do_not_overwrite_what_links_lead_to(run: Path, tmp_path: Path) -> None:
+def test_reports_do_not_overwrite_targets_of_links(run: Path, tmp_path: Path) -> None:
     """Audit M18."""
     mine = tmp_path / "mine"
     mine.write_text("mine")
@@ -112,10 +112,10 @@ def files_of(run: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.slow
-def test_no_message_promises_that_a_command_makes_again_what_only_run_makes(
+def test_only_run_promises_to_make_results_again(
     run: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Audit M37: "will be made again" was said by commands that make nothing; ``verify`` names the one that does."""
+    """Audit M37: commands that make nothing promised "will be made again"; ``verify`` names the command that does."""
     damaged = sorted((run / "cells").glob("*.json"))[0]
     damaged.write_bytes(b"{")
     assert main(["verify", str(run)]) == 3
@@ -160,7 +160,7 @@ def test_an_unreadable_file_is_an_explained_error(name: str, run: Path, capsys: 
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_damage_in_a_folder_that_is_only_readable_is_said(run: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_damage_in_a_read_only_folder_is_reported(run: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = sorted((run / "cells").glob("*.json"))[0]
     path.write_bytes(b"")
     for folder in (run / "cells", run):

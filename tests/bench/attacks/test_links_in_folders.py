@@ -1,4 +1,4 @@
-"""No command writes through a link that stands in the folder that it was given."""
+"""No command writes through a link in the folder that it was given."""
 
 import ast
 import shutil
@@ -67,7 +67,7 @@ def test_a_link_in_the_place_of_a_file_is_replaced(command: str, model: Path, tm
     assert not [name for name in WRITTEN[command] if (model / name).is_symlink()]
 
 
-def test_what_a_method_exports_is_not_written_through_links(
+def test_exports_of_methods_are_not_written_through_links(
     model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """NumPy, as most libraries, writes through one."""

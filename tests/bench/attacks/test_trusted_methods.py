@@ -48,7 +48,7 @@ method = "evil.toml"
 
 
 def put_method(folder: Path, trains: str, render: str = "") -> None:
-    """Write evil.toml; PLACE stands for its folder."""
+    """Write evil.toml; PLACE is replaced by its folder."""
     text = METHOD.replace("TRAINS", trains) + render
     (folder / "evil.toml").write_text(text.replace("PLACE", str(folder)))
 
@@ -81,10 +81,10 @@ LIGHT = ["--envmap", "light.exr"]
         ["rehearse", "suite.toml", "--scenes", "convex"],
     ],
 )
-def test_what_a_folder_or_a_suite_names_is_not_run(
+def test_files_named_only_by_folders_or_suites_are_not_run(
     words: list[str], place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Attack model_folder_runs_toml: the commands of evil.toml ran, and nothing was said."""
+    """Attack model_folder_runs_toml: the commands of evil.toml ran silently."""
     (place / "suite.toml").write_text(SUITE)
     (place / "other.toml").write_bytes((place / "evil.toml").read_bytes())
     write_exr(place / "light.exr", next(iter(rb.load_scene("convex").lights.values())).radiance.numpy())
@@ -152,7 +152,7 @@ def test_a_link_to_a_trusted_file_runs_in_the_folder_of_the_file(place: Path) ->
         assert method("model/mine.toml") is read[place / "evil.toml"]
 
 
-def test_the_processes_of_a_run_trust_what_its_command_names(place: Path) -> None:
+def test_worker_processes_trust_the_files_named_by_the_run(place: Path) -> None:
     with trusting(["evil.toml"]):
         sent = pickle.dumps(FoundMethods())
     assert pickle.loads(sent)("evil.toml").name == "innocent"

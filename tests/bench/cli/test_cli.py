@@ -61,7 +61,7 @@ def test_a_truncated_image_ends_with_exit_code_3_before_anything_is_trained(tmp_
 
 
 @pytest.mark.parametrize("name", [name for name, suite in SUITES.items() if suite.download])
-def test_a_suite_whose_scenes_are_not_here_says_where_they_are_and_how_to_name_them(
+def test_a_suite_with_missing_scenes_states_their_source_and_how_to_name_them(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -167,7 +167,7 @@ def test_a_suite_has_a_protocol_of_its_own_unless_one_is_named(
 
 
 @pytest.mark.parametrize("command", [["--help"], ["run", "--help"], ["datasets", "list"], ["methods"]])
-def test_help_and_names_come_without_importing_what_is_slow(command: list[str]) -> None:
+def test_help_and_names_need_no_slow_imports(command: list[str]) -> None:
     code = (
         "import sys\n"
         "from radiogs_bench.cli import main\n"
@@ -217,7 +217,7 @@ def test_the_version_has_the_commit(capsys: pytest.CaptureFixture[str]) -> None:
     assert re.fullmatch(rf"radiogs-bench {radiogs_bench.__version__}, commit {commit}\n", capsys.readouterr().out)
 
 
-def test_a_plan_is_announced_before_what_is_slow_is_imported() -> None:
+def test_a_plan_is_announced_before_slow_imports() -> None:
     told = 'lambda self, task, *steps: sys.exit(f\'{task}: {sorted({"torch", "numpy"} & sys.modules.keys())}\')'
     code = "import sys; from radiogs_bench.cli import main; from radiogs_bench.runs.progress import LogProgress as Log"
     run = f"{code}; Log.advance = {told}; main(['run', 'ablations', '--dry-run'])"
@@ -321,7 +321,7 @@ def run(fake_run: Callable[..., int]) -> Callable[..., int]:
     return partial(fake_run, "ablations")
 
 
-def test_a_run_ends_with_its_table_and_says_where_the_reports_are(
+def test_a_run_ends_with_its_table_and_the_place_of_its_reports(
     run: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(progress, "LOGGED_EVERY_SECONDS", 0.0)
@@ -336,7 +336,7 @@ def test_a_run_ends_with_its_table_and_says_where_the_reports_are(
     assert len(list(Store(tmp_path).results())) == 10
 
 
-def test_published_values_stand_beside_those_of_their_protocol(
+def test_published_values_are_shown_under_their_protocol(
     run: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run("--protocol", "radiogs") == 0
@@ -423,7 +423,7 @@ def test_repairs_of_a_scene_are_printed_before_anything_runs(
     assert told == [f"convex: {repair}" for repair in repairs]
 
 
-def test_a_dry_run_says_what_could_be_shown_and_what_a_difference_needs(
+def test_a_dry_run_prints_resolvable_differences_and_needed_seeds(
     run: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run("--dry-run") == 0
@@ -502,9 +502,7 @@ def test_ctrl_c_ends_with_exit_code_130_and_the_next_run_continues(
     assert read_sweep(tmp_path)["seeds"] == [0, 1]
 
 
-def test_scenes_are_generated_as_the_miniatures_were_unless_told_otherwise(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_scenes_are_generated_like_the_miniatures_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
     monkeypatch.setattr(
         generate, "generate_scene", lambda name, folder, seed, progress, pictures: asked.append(pictures)

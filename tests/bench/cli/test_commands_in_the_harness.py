@@ -61,7 +61,7 @@ def run(out: Path, *arguments: str) -> int:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_every_metric_is_that_of_scoring_the_folder(
+def test_every_metric_equals_the_score_of_the_folder(
     layout: str, shelf: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"

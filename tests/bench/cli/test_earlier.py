@@ -78,7 +78,7 @@ def test_a_finished_model_is_replaced_only_with_force(
 
 
 @pytest.mark.slow
-def test_training_from_python_keeps_what_the_command_keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_training_from_python_keeps_the_commands_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(substitutes, fake_method.FAKE.name, fake_method.FAKE)
     assert train(tmp_path / "shell") == 0
     said: list[str] = []

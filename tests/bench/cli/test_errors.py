@@ -1,4 +1,4 @@
-"""Errors end in the exit code of the table, and say what, why and what to do."""
+"""Errors end in the exit code of the table, and state what, why and what to do."""
 
 import pytest
 

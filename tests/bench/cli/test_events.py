@@ -87,7 +87,7 @@ def test_the_error_that_ends_a_run_is_the_last_event(events: Events) -> None:
     assert "ablations" in error["why"]
 
 
-def test_ctrl_c_is_an_event_that_says_how_to_continue(
+def test_ctrl_c_is_an_event_with_the_command_to_continue(
     fake_run: Callable[..., int], events: Events, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     good = fake_method.evaluate

@@ -44,7 +44,7 @@ def test_every_command_and_option_is_explained_by_sentences(name: str) -> None:
 
 @pytest.mark.parametrize("name", ALL)
 def test_the_example_of_a_command_is_one_that_it_takes(name: str) -> None:
-    """The example of a command with actions names one of these."""
+    """The example of a command with actions names one of its actions."""
     (words,) = EXAMPLE.findall("\n".join(line.strip() for line in ALL[name].help.splitlines()))
     assert words.startswith(name)
     command, _ = parsed(app, shlex.split(words))

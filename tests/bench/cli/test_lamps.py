@@ -41,7 +41,7 @@ def test_a_file_has_the_lamps_of_the_options_in_toml_and_in_json(tmp_path: Path)
         ("[[point", "is not valid TOML"),
     ],
 )
-def test_a_file_of_lamps_that_is_none_is_refused_by_its_field(content: str, message: str, tmp_path: Path) -> None:
+def test_an_invalid_file_of_lamps_is_refused_by_its_field(content: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "lamps.toml").write_text(content)
     with pytest.raises(DataError, match=message):
         read_lamps(tmp_path / "lamps.toml")
@@ -64,13 +64,13 @@ def test_a_file_of_lamps_that_is_none_is_refused_by_its_field(content: str, mess
         ("--lamp 0,45", "Unknown option: --lamp"),
     ],
 )
-def test_lights_that_cannot_be_are_told_before_a_model_is_opened(
+def test_impossible_lights_are_refused_before_a_model_is_opened(
     options: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["relight", str(tmp_path / "no-model"), *options.split()]) == 2
     assert message in capsys.readouterr().err
 
 
-def test_a_method_without_lamps_names_those_that_take_them() -> None:
+def test_a_method_without_lamps_names_methods_with_lamps() -> None:
     with pytest.raises(UsageError, match=r"gs-ir takes no lamps\nMethods that do: .*radiogs"):
         lit_by_lamps("gs-ir", ChainTrained(torch.zeros(1), 1.0), [Sun(azimuth=0.0, elevation=45.0)])

@@ -94,7 +94,7 @@ def test_training_again_by_the_settings_that_were_written_repeats_nothing(
         assert main([*command, str(file)]) == code
 
 
-def test_a_light_of_the_scene_is_named_and_the_picture_to_open_is_said(
+def test_a_light_of_the_scene_and_the_picture_to_open_are_named(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     relit = folder / "relight" / "bounces" / "relit" / "sunset" / "test_000.png"
@@ -268,10 +268,8 @@ def test_a_mesh_that_cannot_be_made_is_explained(
 
 
 @pytest.mark.slow
-def test_relighting_a_scene_without_masks_says_what_it_is_worth(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Its surroundings are part of the model, so that a light from outside them means little. One line says so."""
+def test_relighting_a_scene_without_masks_prints_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its surroundings are part of the model, so that light from outside means little. One line states it."""
     photos = tmp_path / "photos"
     assert main(["datasets", "convert", "convex", "--to", "blender", "--out", str(photos), "--reduce", "4"]) == 0
     for path in photos.rglob("*.png"):

@@ -221,7 +221,7 @@ def relit(trained: Path, folder: str) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_a_light_is_turned_and_strengthened_and_the_line_says_how_it_stands(
+def test_a_light_is_turned_and_scaled_and_its_orientation_printed(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_hdr(tmp_path / "sun.hdr", sun())
@@ -263,7 +263,7 @@ def test_lamps_light_a_model_with_and_without_a_map_and_turn_with_it(
     assert (direct[2] - direct[1]).mean() > 0.01, "the map adds its light"
 
 
-def test_white_and_black_relit_views_are_said_with_their_share(
+def test_shares_of_white_and_black_relit_pixels_are_printed(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_hdr(tmp_path / "grey.hdr", np.full((4, 8, 3), 0.7, np.float32))
@@ -302,7 +302,7 @@ def test_a_direction_a_turn_and_a_strength_are_looked_at(
     assert wrong[0] in capsys.readouterr().err
 
 
-def test_a_cube_map_relights_as_what_it_shows_and_other_shapes_are_refused(
+def test_a_cube_map_relights_correctly_and_other_shapes_are_refused(
     trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """OpenEXR's cube maps, and squares, were taken for latitude-longitude without a word."""
@@ -331,7 +331,7 @@ def test_a_cube_map_relights_as_what_it_shows_and_other_shapes_are_refused(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("world", ["Y down", "Y up", "X up", "tilted"])
-def test_one_light_stands_alike_in_every_world_of_a_capture(tmp_path: Path, world: str) -> None:
+def test_one_light_has_the_same_orientation_in_every_world_of_a_capture(tmp_path: Path, world: str) -> None:
     """The sky's top was taken for +Z of the capture's world; COLMAP's worlds have Y down, or any direction."""
     shown = {}
     light = EnvironmentMap(torch.rand(16, 32, 3, generator=torch.Generator().manual_seed(0)))

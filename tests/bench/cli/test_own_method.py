@@ -1,4 +1,4 @@
-"""The example of docs/your_method.md, installed in an environment of its own. Its gate is walked in tests/ci."""
+"""The example of docs/your_method.md, installed in its own environment. Its gate is walked in tests/ci."""
 
 import json
 import os

@@ -75,7 +75,7 @@ def test_8_bits_change_scores_by_their_rounding_error(trained: Path, ended: dict
 
 @pytest.mark.slow
 def test_a_layout_on_white_scores_new_views_as_a_protocol_on_white_does(trained: Path, tmp_path: Path) -> None:
-    """Relit views and materials do not: they are compared where the prediction is solid, which no file says."""
+    """Relit views and materials do not: they are compared where the prediction is solid, which no file states."""
     found = exported(trained, tmp_path, "tensoir", 16, "tensoir")
     whole = metrics(trained, tmp_path / "model.json", "--protocol", "tensoir")
     assert found["nvs/psnr"] == pytest.approx(whole["nvs/psnr"], abs=5e-4)

@@ -127,7 +127,7 @@ def test_a_run_from_python_takes_the_options_of_the_command_and_returns_its_tabl
     assert set(rb.table(tmp_path, "verdict").stack().dropna()) <= {"better", "worse"}
 
 
-def test_a_run_from_python_raises_what_ends_it(fake_run: Callable[..., int], tmp_path: Path) -> None:
+def test_a_run_from_python_raises_the_error_that_ends_it(fake_run: Callable[..., int], tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="unknown option 'sedes'"):
         rb.run("ablations", tmp_path, sedes=3)
     with pytest.raises(DataError, match="no table in"):

@@ -124,7 +124,7 @@ def test_a_method_is_shown_with_the_names_that_can_be_set(capsys: pytest.Capture
     assert all(name in printed for name in settable(method("radiogs"), "smoke"))
 
 
-def test_the_name_of_a_changed_budget_says_what_was_changed() -> None:
+def test_the_name_of_a_changed_budget_lists_the_changes() -> None:
     budget = budget_of(CHAIN, "smoke", {"geometry": {"steps": 7}, "each": 4})
     assert budget == NestedBudget("smoke, each = 4, geometry.steps = 7", Rates(steps=7), 4)
     assert budget_of(CHAIN, "smoke", {"each": 3}) == CHAIN.presets["smoke"], "nothing is changed"
@@ -148,7 +148,7 @@ def test_a_number_that_is_no_amount_of_work_is_refused(given: dict[str, Any], sa
     assert says in str(caught.value)
 
 
-def test_every_row_gets_the_fields_but_those_that_it_sets_itself() -> None:
+def test_every_row_gets_the_fields_that_it_does_not_set_itself() -> None:
     given = {"radiometric_weight": 0.1, "materials.rates.light": 0.5, "inverse_iterations": 7}
     suite, remarks = with_settings(ABLATIONS, given, "smoke")
     assert remarks == ["row 'no-rad' sets radiometric_weight itself and keeps its value"]

@@ -91,7 +91,7 @@ def test_a_malformed_pace_file_is_ignored(content: str, tmp_path: Path) -> None:
     assert pace_of(Store(tmp_path), KEY) is None
 
 
-def test_the_parent_of_a_pool_shows_what_its_workers_do(tmp_path: Path) -> None:
+def test_the_parent_of_a_pool_shows_its_workers_tasks(tmp_path: Path) -> None:
     store, recorder = Store(tmp_path), Recorder()
     others = OthersProgress(recorder, store, {KEY: "corner ours seed 0"})
     others.look()
@@ -112,7 +112,7 @@ def test_the_parent_of_a_pool_shows_what_its_workers_do(tmp_path: Path) -> None:
 
 @pytest.fixture
 def half_done(tmp_path: Path) -> Iterator[tuple[Store, Sweep]]:
-    """A folder in which the cells of seed 0 have finished, 10 s a stage and 1 s of scoring; one of seed 1 runs."""
+    """A folder in which the cells of seed 0 have finished (10 s per stage, 1 s of scoring); a cell of seed 1 runs."""
     request, sweep = asked(2), FakeSweep(tmp_path)
     places = [place for place, _ in request.cells]
     sweep.run([cell for place, cell in request.cells if place["seed"] == 0])
@@ -129,7 +129,7 @@ def half_done(tmp_path: Path) -> Iterator[tuple[Store, Sweep]]:
         yield sweep.store, manifest
 
 
-def test_the_time_left_is_that_of_finished_cells_and_shared_stages_count_once(half_done: tuple[Store, Sweep]) -> None:
+def test_the_time_left_follows_finished_cells_and_counts_shared_stages_once(half_done: tuple[Store, Sweep]) -> None:
     store, sweep = half_done
     standing = standing_of(store, sweep)
     waiting = ["waits for stage 1 of another cell"] * 3  # all but nvs-init share it with the one that runs
@@ -158,7 +158,7 @@ with store.claim(key):
 """A process that is killed while it works on a cell and writes files."""
 
 
-def test_what_was_killed_is_not_running_and_its_leavings_go_with_the_next_run(
+def test_killed_cells_are_not_running_and_the_next_run_cleans_up(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Attack status_after_kill: the state was running for ever, and --watch never ended."""
@@ -236,7 +236,7 @@ def test_a_silent_cell_is_marked_and_has_no_time_left(half_done: tuple[Store, Sw
     assert standing.seconds_left is None
 
 
-def test_status_says_step_speed_and_time_left(
+def test_status_prints_step_speed_and_time_left(
     half_done: tuple[Store, Sweep], capsys: pytest.CaptureFixture[str]
 ) -> None:
     store, sweep = half_done
@@ -317,7 +317,7 @@ def test_a_run_keeps_the_pace_of_its_cells(
     assert not list((tmp_path / "locks").glob("*.pace"))
 
 
-def test_one_cell_alone_has_no_time_left_before_anything_like_it_has_finished(tmp_path: Path) -> None:
+def test_the_time_left_is_unknown_before_a_similar_cell_has_finished(tmp_path: Path) -> None:
     request = asked(1)
     sweep = FakeSweep(tmp_path)
     manifest = request.manifest()

@@ -18,7 +18,7 @@ def pace(done: int = 466, speed: float | None = 0.5) -> Pace:
     return Pace("stage 2, inverse rendering", done, 3000, speed, time.time())
 
 
-def test_a_line_says_the_step_and_the_time_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_line_gives_the_step_and_the_time_left(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put_pace(Store(tmp_path), KEY, pace())
     assert main(["status", str(tmp_path)]) == 0
     assert capsys.readouterr().out == "stage 2, inverse rendering: 466 of 3,000, about 84 min left of it\n"

@@ -1,4 +1,4 @@
-"""``radiogs-bench view``: models of runs are found, and what is missing is said with the right exit code."""
+"""``radiogs-bench view``: models of runs are found, and missing ones are reported with the right exit code."""
 
 import json
 import sys

@@ -51,7 +51,7 @@ SMALL = "24"
 
 NAMED_SCENES = ("corner", "convex", "bowl", "red_white")
 DATA_SETS = {"lego": "corner", "hotdog": "bowl", "armadillo": "red_white", "ficus": "niche"}
-"""The miniature that stands for each scene of TensoIR."""
+"""The miniature that replaces each scene of TensoIR."""
 
 pytestmark = pytest.mark.slow
 
@@ -103,7 +103,7 @@ def walk(given: Path, tmp_path: Path) -> Path:
 
 
 def run(command: str, folder: Path) -> None:
-    """Execute a command; it has to end well, and without a traceback.
+    """Execute a command; it has to succeed without a traceback.
 
     In this process, which has imported everything; in a process of its own once the example of a method is installed
     (into ``site``), which only a new process finds.

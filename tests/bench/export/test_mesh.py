@@ -100,7 +100,7 @@ def test_surfaces_that_no_view_sees_are_holes() -> None:
     assert np.linalg.norm(mesh.vertices, axis=-1) == pytest.approx(np.ones(len(mesh.vertices)), abs=LATTICE.voxel)
 
 
-def test_uncovered_pixels_and_what_is_too_far_make_no_surface() -> None:
+def test_uncovered_and_too_distant_pixels_make_no_surface() -> None:
     camera = looking_at_origin(torch.tensor([1.0, 0.0, 0.0]).double())
     depth = depth_of_sphere(camera, 1.0)
     left = torch.arange(depth.shape[1]) < depth.shape[1] // 2

@@ -35,7 +35,7 @@ __all__ = ["browser"]
 SIDE = 96
 SEEN_FROM = InitialViewpoint(torch.tensor([3.0, -2.5, 2.2]), torch.tensor([0.0, 0.0, 1.0]), torch.tensor([0.0, 0, 0.5]))
 SUN, HEIGHT, STEP = 0.7, 0.8, 0.1
-"""Where the sun stands at first, radians from the eye and above the horizon, and how far an arrow key turns it."""
+"""Initial position of the sun (radians from the eye and above the horizon), and its step per arrow key."""
 
 SKY = EnvironmentMap(
     (0.6 + texel_directions(32, 64).float() @ torch.tensor([0.2, 0.0, 0.35]))[..., None] * torch.tensor([0.8, 0.9, 1.1])
@@ -102,7 +102,7 @@ class Viewer(Watched):
         return np.asarray(Image.open(io.BytesIO(self.page.screenshot(clip=clip))).convert("RGB")) / 255
 
     def dropped(self, path: Path) -> str:
-        """Give the page a file; returns what it says then."""
+        """Drop a file onto the page; returns the page's message."""
         said, before = self.page.locator("#surfels-said"), self.page.locator("#surfels-said").text_content()
         self.page.locator("#surfels-file").set_input_files(path)
         self.page.wait_for_function(

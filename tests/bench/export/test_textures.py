@@ -1,4 +1,4 @@
-"""Textured meshes of two painted balls: what other programs find in their files is the paint, where it is."""
+"""Textured meshes of two painted balls: other programs find the paint at its place in the files."""
 
 import json
 import struct
@@ -60,7 +60,7 @@ def paint_at(points: Float[Tensor, "*batch 3"], blur: float = 1e-9) -> Float[Ten
 
 
 class PaintedBalls:
-    """A prepared model of the balls, whose maps are those of area-sampled images: an edge takes a pixel."""
+    """A prepared model of the balls, with the maps of area-sampled images: an edge takes a pixel."""
 
     offers: Mapping[str, MapKind] = dict.fromkeys(("image", "alpha", "depth", "albedo", "roughness"), MapKind("data"))
     default = frozenset({"image", "alpha"})
@@ -100,7 +100,7 @@ def looked_up(image: Float[Tensor, "height width channels"], uv: Float[Tensor, "
 
 @dataclass(frozen=True)
 class Read:
-    """A file as its format says it is to be read; texture coordinates from the upper left corner."""
+    """A file read according to its format; texture coordinates from the upper left corner."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -235,7 +235,7 @@ def test_a_model_without_roughness_is_refused(balls: Textured) -> None:
         (["--mesh", "--to", "csv"], "", "ask for two files"),
     ],
 )
-def test_what_cannot_be_written_is_said_before_anything_is_read(
+def test_unwritable_output_is_refused_before_anything_is_read(
     options: list[str],
     missing: str,
     complaint: str,

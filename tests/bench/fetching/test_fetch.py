@@ -1,4 +1,4 @@
-"""Data sets come from a server that may break off, forget, change its mind or be gone; then it is said what to do."""
+"""Data sets from a server that may break off, forget, change or be gone; messages then state what to do."""
 
 import io
 import re
@@ -30,7 +30,7 @@ CONTENT = bytes(range(256)) * 4000
 class Server(ThreadingHTTPServer):
     """Serves ``files``; sends ``most`` bytes an answer and then breaks off; understands ranges if ``ranges``.
 
-    ``careless``: it continues whatever it is asked for, and says in its ETag which version that is.
+    ``careless``: it continues whatever it is asked for, and its ETag names the version.
     """
 
     files: dict[str, bytes]
@@ -210,7 +210,7 @@ def test_a_malformed_answer_is_one_kind_of_error_and_leaves_nothing(
     assert not getattr(refused.value, "unreachable", False)
 
 
-def test_an_answer_in_chunks_is_whole_when_it_says_so(answering: Callable[..., str], tmp_path: Path) -> None:
+def test_a_chunked_answer_is_complete_at_its_end_mark(answering: Callable[..., str], tmp_path: Path) -> None:
     head = OK + b"Transfer-Encoding: chunked\r\n\r\n5\r\n12345\r\n"
     download(answering(head + b"0\r\n\r\n"), tmp_path / "a", nothing)
     assert (tmp_path / "a").read_bytes() == b"12345"
@@ -245,7 +245,7 @@ def test_a_note_of_an_earlier_download_that_is_damaged_begins_it_anew(
 
 
 @pytest.mark.parametrize("content", [b"[]", b"\xff", b"1", None])
-def test_a_damaged_list_of_what_was_fetched_is_named(content: bytes | None, server: Server, tmp_path: Path) -> None:
+def test_a_damaged_record_of_fetched_files_is_named(content: bytes | None, server: Server, tmp_path: Path) -> None:
     chosen = some_set(server)
     path = tmp_path / chosen.name / "fetched.json"
     path.parent.mkdir()
@@ -271,7 +271,7 @@ def some_set(server: Server, **of_lego: object) -> DataSet:
     )  # fmt: skip
 
 
-def test_a_data_set_is_fetched_once_and_what_it_was_is_recorded(server: Server, tmp_path: Path) -> None:
+def test_a_data_set_is_fetched_once_and_recorded(server: Server, tmp_path: Path) -> None:
     said: list[str] = []
     chosen = some_set(server)
     for _ in range(2):
@@ -295,7 +295,7 @@ def test_a_file_that_is_not_the_published_one_is_not_kept(
     assert not list((tmp_path / "some-set").iterdir())
 
 
-def test_without_a_network_it_is_said_what_to_fetch_and_where_to_put_it(server: Server, tmp_path: Path) -> None:
+def test_without_a_network_files_to_fetch_and_their_places_are_listed(server: Server, tmp_path: Path) -> None:
     chosen = some_set(server)
     gone = DataSet("some-set", "Some set", "https://page.example", "", tuple(
         Piece(piece.name, piece.url.replace(str(server.server_port), "1"), piece.into, piece.packed)
@@ -376,7 +376,7 @@ def test_the_catalogue_names_files_that_stay_in_their_folder() -> None:
             assert len(piece.sha256) in (0, 64)
 
 
-def test_checksums_of_the_lights_are_those_of_the_published_files(shared_data: Path) -> None:
+def test_checksums_of_the_lights_match_the_published_files(shared_data: Path) -> None:
     for piece in DATA_SETS["synthetic4relight"].pieces:
         if piece.sha256:
             assert sha256_of(shared_data / "envmaps" / "synthetic4relight" / piece.name) == piece.sha256

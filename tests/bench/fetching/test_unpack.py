@@ -51,7 +51,7 @@ def everything(folder: Path) -> dict[str, bytes]:
 
 
 @MAKERS
-def test_a_sound_archive_comes_out_without_the_folder_that_all_of_it_is_in(make: Make, tmp_path: Path) -> None:
+def test_a_sound_archive_is_unpacked_without_its_common_folder(make: Make, tmp_path: Path) -> None:
     assert unpack(make(tmp_path / "a", SOUND | {"__MACOSX/set/._x": b"clutter"}), tmp_path / "out") == 3
     assert everything(tmp_path / "out") == {name.removeprefix("set/"): content for name, content in SOUND.items()}
 

@@ -14,7 +14,7 @@ from radiogs_datasets import load_scene
 
 
 @pytest.mark.slow
-def test_the_command_writes_what_it_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_the_numbers_that_it_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "frames.json"
     assert main(["bench", "frames", "--spacings", "0.3,0.12", "--json", str(file)]) == 0
     printed = capsys.readouterr().out

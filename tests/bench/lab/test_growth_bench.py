@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[3]
 
 
 @pytest.mark.slow
-def test_the_command_tells_how_what_it_measured_grows(
+def test_the_command_prints_growth_exponents(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tracing = Axis("tracing, forward", "rays", "2,000 surfels", (1 << 11, 1 << 13, 1 << 15, 1 << 17))
@@ -37,7 +37,7 @@ def test_the_command_tells_how_what_it_measured_grows(
     assert f"{rays['exponents'][-1]:.2f}" in capsys.readouterr().out
 
 
-def test_exponents_are_those_of_a_power_law_where_nothing_stays() -> None:
+def test_exponents_equal_a_power_laws_without_an_offset() -> None:
     sizes = [750, 1500, 6000]
     assert exponents(sizes, [3e-6 * size**1.5 for size in sizes]) == pytest.approx([1.5, 1.5])
     first, last = exponents(sizes, [0.1 + 1e-4 * size for size in sizes])

@@ -73,7 +73,7 @@ def test_embree_meets_something_where_the_kernel_does() -> None:
     assert float((met & ~ours).float().mean()) < 0.25, "it also meets back sides and the corners of quads"
 
 
-def test_the_dense_rasterizer_draws_what_the_kernel_draws() -> None:
+def test_the_dense_rasterizer_agrees_with_the_kernel() -> None:
     generator = torch.Generator().manual_seed(0)
     scene = SCENES["S"]()
     some = torch.randperm(len(scene.geometry), generator=generator)[:300]
@@ -87,7 +87,7 @@ def test_the_dense_rasterizer_draws_what_the_kernel_draws() -> None:
     assert ours.max() > 0.1
 
 
-def test_the_plain_expression_shades_what_the_kernel_shades() -> None:
+def test_the_plain_expression_agrees_with_the_shading_kernel() -> None:
     generator = torch.Generator().manual_seed(0)
 
     def unit(*shape: int) -> torch.Tensor:
@@ -134,7 +134,7 @@ def test_kernels_that_count_no_bytes_have_a_row_all_the_same(capsys: pytest.Capt
 
 
 @pytest.mark.slow
-def test_the_command_writes_what_it_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_its_measurements(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     record = tmp_path / "kernels.json"
     assert main(["bench", "kernels", "--kernels", "shade", "--repetitions", "1", "--json", str(record)]) == 0
     content = json.loads(record.read_text())

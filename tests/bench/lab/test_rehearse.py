@@ -1,4 +1,4 @@
-"""Rehearsals: what is measured, what is forecast from it, and that what does not fit is told in time."""
+"""Rehearsals: measurements, forecasts from them, and early warnings of what does not fit."""
 
 import ctypes
 import json
@@ -118,7 +118,7 @@ class Endless(FakeStage):
         return super().step()
 
 
-def test_a_rehearsal_that_is_stopped_keeps_what_was_measured(tmp_path: Path) -> None:
+def test_a_stopped_rehearsal_keeps_its_measurements(tmp_path: Path) -> None:
     with with_second_stage(Endless):
         assert main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path)]) == 130
     found = recorded(tmp_path)
@@ -184,7 +184,7 @@ def test_a_short_run_of_the_papers_budget_keeps_its_sizes_and_counts_its_steps()
     }  # fmt: skip
 
 
-def test_rounds_and_looks_for_hidden_surfels_come_when_the_short_run_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_density_rounds_and_hidden_searches_occur_as_the_short_run_plans(monkeypatch: pytest.MonkeyPatch) -> None:
     from radiogs.method import RADIOGS
     from radiogs_core.contract import Run
     from radiogs_datasets import load_scene

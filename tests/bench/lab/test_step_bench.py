@@ -1,4 +1,4 @@
-"""``bench steps``: what it times, counts and says where time goes; ratios to an earlier record."""
+"""``bench steps``: times, counts and parts of the time; ratios to an earlier record."""
 
 import importlib.util
 import json
@@ -149,7 +149,7 @@ def test_time_is_charged_to_the_part_and_the_direction_that_took_it() -> None:
     assert placed(None) == "other, forward"
 
 
-def test_page_faults_are_those_of_memory_that_is_new() -> None:
+def test_page_faults_count_new_memory() -> None:
     times, pages = Times(CPU, counts=False), 4096
     kept = mmap.mmap(-1, pages * mmap.PAGESIZE)
 
@@ -163,7 +163,7 @@ def test_page_faults_are_those_of_memory_that_is_new() -> None:
     assert times.faults["again"][0] < pages / 10
 
 
-def test_frames_by_rays_are_told_beside_those_by_surfels_alone() -> None:
+def test_frames_by_rays_are_compared_with_frames_by_surfels() -> None:
     def frames(way: str, seconds: float) -> dict[str, Any]:
         return {"title": f"relighting {way}: a frame", "median": seconds}
 
@@ -177,7 +177,7 @@ def test_frames_by_rays_are_told_beside_those_by_surfels_alone() -> None:
     assert list(frames_said({"rows": [rays, {**alone, "median": 0.0}]})) == []
 
 
-def test_operations_are_counted_with_those_of_the_backward_pass() -> None:
+def test_operations_of_the_backward_pass_are_counted_too() -> None:
     value = torch.ones(3, requires_grad=True)
     with counting() as forward:
         total = (value * 2).sum()
@@ -223,7 +223,7 @@ def test_a_ratio_above_one_is_faster_now_and_lies_between_the_ends_of_both_inter
     assert times_as_fast(before, {**now, "median": 0.0}) == ("too short", "")
 
 
-def test_an_interval_of_a_median_holds_as_much_as_it_says() -> None:
+def test_an_interval_of_a_median_has_its_stated_coverage() -> None:
     assert median_of([float(each) for each in range(20)]) == {"median": 9.5, "low": 5, "high": 14}
     assert 1 - 2 * stats.binom.cdf(5, 20, 0.5) >= 0.95
     assert 1 - 2 * stats.binom.cdf(6, 20, 0.5) < 0.95

@@ -51,7 +51,7 @@ def chain_with(kind: type) -> Chain:
 
 
 def test_a_budget_that_nests_its_surfels_is_given_the_size() -> None:
-    """Surfels of a step are no size of a model."""
+    """The surfels of a step are not the size of a model."""
     chain, scene = chain_with(NestedBudget), load_scene("corner")
     subject = subject_of(chain, scene, SIZES["20k"], CPU)
     assert subject.surfels == 20_000
@@ -80,7 +80,7 @@ def test_a_size_that_cannot_be_set_is_refused() -> None:
     assert subject_of(chain, scene, SIZES["smoke"], CPU).surfels is None, "for warming up"
 
 
-def test_surfels_on_surfaces_are_met_as_those_of_a_trained_model() -> None:
+def test_rays_meet_surfels_on_surfaces_as_often_as_trained_ones() -> None:
     """Surfels that fill the hull are met by 48 a ray."""
     scene = load_scene("corner")
     surfels = surfels_over(scene, 3000)

@@ -12,7 +12,7 @@ from radiogs_bench.installed_methods import substitutes
 
 @pytest.fixture(scope="module")
 def fake() -> Iterator[None]:
-    """The fake method stands in RadioGS's place."""
+    """The fake method in RadioGS's place."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(substitutes, FAKE.name, FAKE)
         yield

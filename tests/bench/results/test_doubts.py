@@ -51,7 +51,7 @@ def sweep(*rows: str, columns: tuple[str, ...] = COLUMNS) -> Any:
     }
 
 
-def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> None:
+def test_undetermined_roughness_marks_its_rows_with_measurements() -> None:
     cells = [
         cell("ours", determined={"roughness": record(False, **HIDDEN, decibels=0.0123)}),
         cell("glossy", determined={"roughness": record(True)}),
@@ -67,7 +67,7 @@ def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> N
 
 
 def test_values_of_an_earlier_version_of_a_protocol_say_so() -> None:
-    """Results from before there were versions have no title."""
+    """Results from before protocols had versions have no title."""
     words = protocol("r3dg").describe()
     before = {name: value for name, value in words.items() if name not in ("title", "version")}
     (found,) = doubts([cell("ours", protocol=before)], sweep("ours", columns=()))
@@ -146,7 +146,7 @@ def test_columns_depend_on_brightness_where_their_protocol_does_not_align_them()
 @pytest.mark.parametrize(
     ("column", "constant"), [("roughness/mse", "roughness"), ("environment/error_scaled", "light")]
 )
-def test_a_map_that_is_no_better_than_a_constant_says_so(column: str, constant: str) -> None:
+def test_a_map_no_better_than_a_constant_is_marked(column: str, constant: str) -> None:
     reference = f"{column.partition('/')[0]}/constant"
     cells = [
         cell("worse", metrics={column: 0.03, reference: 0.02}),
@@ -171,7 +171,7 @@ def test_no_better_than_a_constant_is_judged_over_all_cells_of_a_row() -> None:
     assert no_better_than_constant(cells, "roughness/mse") == []
 
 
-def test_a_remark_says_what_error_resolution_alone_costs_and_who_has_no_more() -> None:
+def test_a_remark_states_the_error_of_resolution_and_rows_near_it() -> None:
     def light(row: str, error: float, floor: float) -> tuple[Any, Any]:
         return cell(row, metrics={"environment/error_scaled": error, "environment/floor": floor})
 

@@ -57,7 +57,7 @@ def test_on_another_machine_counters_warn_and_figures_still_stop(
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
 
 
-def test_without_a_rerun_a_loss_beyond_the_band_over_seeds_is_a_regression_and_a_gain_is_none(
+def test_without_a_rerun_a_loss_beyond_the_band_is_a_regression_and_a_gain_is_not(
     finished: Path, baseline: Path
 ) -> None:
     store, sweep = Store(finished), read_sweep(finished)

@@ -1,4 +1,4 @@
-"""The gate refuses results of other sources than the installed ones, and cells whose values were changed by hand."""
+"""The gate refuses results made by other sources than the installed ones, and cells with values changed by hand."""
 
 import json
 from pathlib import Path

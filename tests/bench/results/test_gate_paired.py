@@ -60,7 +60,7 @@ def test_a_rerun_that_has_the_same_spread_adds_its_degrees_of_freedom() -> None:
     assert 0 < with_rerun.p_value < alone
 
 
-def test_a_loss_within_what_a_rerun_differs_by_is_none_however_steady() -> None:
+def test_a_loss_within_the_rerun_noise_is_not_found_however_steady() -> None:
     steady = Paired([-0.05] * 40, [0.06, -0.06] * 20)
     assert steady.p_value < ERROR_RATE
     assert not steady.beyond(steady.p_value, 0.0)
@@ -72,6 +72,6 @@ def test_a_single_seed_is_compared_with_the_rerun_alone() -> None:
         assert Paired([-size * BAND * 0.1], [0.1]).beyond(Paired([-size * BAND * 0.1], [0.1]).p_value, 0.0) is found
 
 
-def test_without_noise_every_difference_counts_and_none_is_no_difference() -> None:
+def test_without_noise_every_difference_except_zero_counts() -> None:
     assert Paired([0.0, 0.0], [0.0, 0.0]).p_value == 1
     assert Paired([-0.1, -0.1], [0.0, 0.0]).p_value == 0

@@ -1,4 +1,4 @@
-"""The documented recipe and the workflow are commands that the program has, and say the same."""
+"""The documented recipe and the workflow use existing commands, and agree."""
 
 import shlex
 import subprocess
@@ -59,7 +59,7 @@ def test_a_committed_baseline_is_whole_small_and_knows_a_rerun() -> None:
     assert sum(file.stat().st_size for file in files) < 200_000
 
 
-def test_the_runs_of_make_gate_are_those_of_the_committed_baselines() -> None:
+def test_make_gate_runs_the_committed_baselines_runs() -> None:
     made = subprocess.run(["make", "-n", "gate"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     commands = [shlex.split(line) for line in made.splitlines() if "radiogs-bench " in line]
     compared = {each[2]: each[4] for each in commands if each[1] == "gate"}

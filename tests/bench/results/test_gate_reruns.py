@@ -34,7 +34,7 @@ def run(folder: Path, threads: int, seeds: int = 3) -> Path:
 
 @pytest.fixture(scope="module")
 def runs(fake: None, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A run, and a rerun of it."""
+    """A run, and its rerun."""
     return run(tmp_path_factory.mktemp("run"), 1), run(tmp_path_factory.mktemp("rerun"), 2)
 
 
@@ -70,7 +70,7 @@ def compared(folder: Path, baseline: dict[str, Any], gains: tuple[float, ...]) -
         ((-1.0, 1.1, -1.2), None),
     ],
 )
-def test_a_loss_over_seeds_is_a_regression_and_a_gain_is_said(
+def test_a_loss_over_seeds_is_a_regression_and_a_gain_is_reported(
     gains: tuple[float, ...], severity: str | None, runs: tuple[Path, Path], baseline: dict[str, Any]
 ) -> None:
     found = compared(runs[0], baseline, gains)
@@ -94,7 +94,7 @@ def test_the_rerun_passes(runs: tuple[Path, Path], baseline: dict[str, Any]) -> 
     assert compared(runs[1], baseline, ()) == []
 
 
-def test_a_rerun_with_the_same_threads_or_of_another_run_is_none(
+def test_a_rerun_needs_other_threads_and_the_same_run(
     runs: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     making = ["gate", str(runs[0]), "--baseline", str(tmp_path / "baseline.json"), "--update", "--rerun"]
@@ -149,7 +149,7 @@ def test_no_baseline_is_made_with_a_rerun_that_is_worse_in_every_seed(
     assert not file.exists()
 
 
-def test_the_power_is_said_by_metric_in_its_unit(baseline: dict[str, Any]) -> None:
+def test_the_power_is_printed_by_metric_in_its_unit(baseline: dict[str, Any]) -> None:
     (line,) = (each for each in power_lines(baseline) if each.startswith(f"{OURS}: "))
     assert "nvs/psnr: a mean loss of" in line
     assert "dB (higher is better), seeds: 3; a rerun differs by 0.1 dB" in line

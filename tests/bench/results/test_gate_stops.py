@@ -84,8 +84,8 @@ CHANGES = {
 
 FIRST, SECOND, *OTHERS = CHANGES
 TOGETHER = ((FIRST, SECOND), *((what,) for what in OTHERS))
-"""Changes that one training shows: the first is said whatever else differs, and no loss of stage 1, where the second is
-found, depends on it. The others would hide each other's traces."""
+"""Changes that one training shows together: the first is reported whatever else differs, and no loss of stage 1, where
+the second is found, depends on it. The others would hide each other's traces."""
 
 RUN_AND_GATE = """
 import sys
@@ -134,7 +134,7 @@ def test_every_change_applies() -> None:
 
 @pytest.mark.slow
 def test_an_unchanged_tree_passes_and_so_does_a_changed_comment(folder: Path) -> None:
-    """Trained anew, in a folder of its own."""
+    """Trained anew, in another folder."""
     sources = copied(folder, "comment")
     file = sources / "method" / "radiogs" / "consistency.py"
     file.write_text(file.read_text() + "\n# a remark\n")

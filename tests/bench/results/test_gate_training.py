@@ -36,7 +36,7 @@ def elsewhere(content: dict[str, Any], noise: dict[str, dict[str, list[float]]])
 
 
 def scaled(content: dict[str, Any], factor: float, quantity: str = LOSS) -> dict[str, Any]:
-    """The baseline with a quantity of row ours divided by a factor, by which that of the run is larger then."""
+    """The baseline with a quantity of row ours divided by a factor, so that the run's is larger by it."""
     moved: dict[str, Any] = json.loads(json.dumps(content))
     for name, cell in moved["cells"].items():
         if name.startswith(OURS):
@@ -60,7 +60,7 @@ def test_on_one_machine_the_losses_of_the_first_steps_repeat(
 
 
 @pytest.mark.parametrize(("factor", "changed"), [(1.0, False), (1.05, False), (0.5, True), (2.0, True)])
-def test_elsewhere_they_are_compared_with_those_of_a_rerun(
+def test_on_another_machine_quantities_are_tested_against_a_rerun(
     factor: float, changed: bool, finished: Path, content: dict[str, Any]
 ) -> None:
     there = elsewhere(content, {"training": {LOSS: [0.04, -0.04, 0.03]}})
@@ -69,9 +69,7 @@ def test_elsewhere_they_are_compared_with_those_of_a_rerun(
     assert all("a rerun differs by 3.7 %" in each.what for each in lines)
 
 
-def test_elsewhere_a_difference_of_rounding_is_none_though_a_rerun_has_none(
-    finished: Path, content: dict[str, Any]
-) -> None:
+def test_on_another_machine_rounding_passes_even_without_rerun_noise(finished: Path, content: dict[str, Any]) -> None:
     there = elsewhere(content, {"training": {LOSS: [0.0, 0.0, 0.0]}})
     for share, changed in ((0.5, False), (2.0, True)):
         assert bool(found(finished, scaled(there, 1 + share * ELSEWHERE))) is changed
@@ -80,7 +78,7 @@ def test_elsewhere_a_difference_of_rounding_is_none_though_a_rerun_has_none(
 @pytest.mark.parametrize(
     ("values", "said"), [(None, "is new"), ([0.0] * 3, "is no longer zero"), ([-1.0] * 3, "has the other sign")]
 )
-def test_a_lost_or_turned_term_is_said_on_every_machine(
+def test_a_lost_or_negated_term_is_reported_on_every_machine(
     values: list[float] | None, said: str, finished: Path, content: dict[str, Any]
 ) -> None:
     for known in (content, elsewhere(content, {})):
@@ -94,7 +92,7 @@ def test_a_lost_or_turned_term_is_said_on_every_machine(
         assert line.what == f"{STAGE}loss 'distance' in the first 8 steps {said}"
 
 
-def test_a_term_that_is_gone_is_said(finished: Path, content: dict[str, Any]) -> None:
+def test_a_missing_loss_term_is_reported(finished: Path, content: dict[str, Any]) -> None:
     moved = json.loads(json.dumps(content))
     for name, cell in moved["cells"].items():
         if name.startswith(OURS):
@@ -113,7 +111,7 @@ def test_of_many_quantities_the_largest_differences_are_listed(finished: Path, c
     assert lines[-1].what == f"{STAGE}4 more quantities differ, by less"
 
 
-def test_a_baseline_and_a_run_without_gradients_are_said(finished: Path, content: dict[str, Any]) -> None:
+def test_missing_gradients_of_baseline_or_run_are_reported(finished: Path, content: dict[str, Any]) -> None:
     said = [each for each in found(finished, content, "remark") if "no gradients" in each.what]
     assert [each.cell for each in said] == ["the baseline", "the run"]
 

@@ -133,7 +133,7 @@ def test_reports_that_cannot_be_written_do_not_end_the_run(
 
 
 @pytest.mark.parametrize("failure", [OSError(12, "out of memory"), subprocess.TimeoutExpired("report", 1.0)])
-def test_a_report_that_does_not_start_or_end_is_an_error_that_is_said(
+def test_a_report_that_does_not_start_or_end_is_an_error_with_a_message(
     failure: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(order: dict[str, Any]) -> tuple[int, str, str]:

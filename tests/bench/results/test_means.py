@@ -1,4 +1,4 @@
-"""Every form of a run's table has the same means, and says over what they are, where kinds have unequal scenes."""
+"""Every form of a run's table has the same means and states their units, for kinds with unequal numbers of scenes."""
 
 import csv
 import json
@@ -35,7 +35,7 @@ WORDS = "2 kinds of 3 scenes (ball, bowl, niche), each kind with the mean over i
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of two kinds, one of which has two scenes; every row has the same values."""
+    """A run of two kinds, one with two scenes; every row has the same values."""
     folder = tmp_path_factory.mktemp("run")
     sweep, request = FakeSweep(folder), asked(3)
     sweep.run([cell for _, cell in request.cells])
@@ -46,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _placed(sweep: FakeSweep, place: CellRef) -> CellRef:
-    """A cell of one of three seeds as that of one of three scenes, with the scene's value."""
+    """A cell of one of three seeds turned into a cell of one of three scenes, with the scene's value."""
     scene, result = [*KINDS][place["seed"]], sweep.store.result(place["key"])
     assert result is not None
     result["scene"] = scene
@@ -69,7 +69,7 @@ def parts_of(words: str, form: str) -> list[str]:
     return [words.replace(f" ({names})", ""), f"Scenes: {names}."] if form == "paper.tex" else [words]
 
 
-def test_every_form_has_the_same_means_and_says_over_what(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_form_has_the_same_means_and_states_their_units(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["report", str(folder), "--no-pictures"]) == 0
     told = capsys.readouterr()
     assert main(["report", str(folder), "--style", "paper", "--no-pictures"]) == 0
@@ -94,7 +94,7 @@ def test_every_form_has_the_same_means_and_says_over_what(folder: Path, capsys: 
     assert stored["mean"] == 26.0
 
 
-def test_tables_of_the_paper_say_over_what_they_are(folder: Path) -> None:
+def test_tables_of_the_paper_state_the_units_of_their_means(folder: Path) -> None:
     summary = summary_of(folder)
     (stored,) = summary["paper"]
     assert stored["cells"]["ours"]["nvs/psnr"]["mean"] == 26.0
@@ -103,7 +103,7 @@ def test_tables_of_the_paper_say_over_what_they_are(folder: Path) -> None:
         assert WORDS in plain(text)
 
 
-def test_a_record_says_over_what_its_means_are_by_its_kinds_or_by_its_intervals(folder: Path) -> None:
+def test_a_record_states_the_units_of_its_means_by_kinds_or_intervals(folder: Path) -> None:
     run = recorded(summary_of(folder))
     assert mean_over(run) == WORDS
     del run["kinds"]

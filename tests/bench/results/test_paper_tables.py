@@ -19,7 +19,7 @@ from radiogs_core.scene.scene import Scene
 from radiogs_reports.summary import PaperTable
 
 PRINTED = replace(ABLATIONS, recipe="printed")
-"""The paper's ablations of its own values; by default they are those of the recommended recipe."""
+"""The paper's ablations by its own values; by default the recommended recipe's values are used."""
 
 
 def request(suite: Suite = PRINTED, preset: str = "smoke", seeds: int = 2) -> RunPlan:
@@ -57,8 +57,8 @@ def test_the_suites_own_table_has_its_means_and_paired_differences(sweep: FakeSw
     assert difference["mean"] == pytest.approx(sum(detached) / 2 - sum(ours) / 2)
 
 
-def test_a_row_on_another_scene_or_budget_says_what_ran(sweep: FakeSweep) -> None:
-    """The numbers that a label names are those that ran, not the paper's."""
+def test_a_row_on_another_scene_or_budget_states_its_conditions(sweep: FakeSweep) -> None:
+    """The numbers in a label are the measured row's, not the paper's."""
     budget = PRESETS["smoke"]
     numbers = f"preset smoke, N_g {budget.consistency_surfels}, N_s {budget.incident_samples}; fake; 40 x 40; CPU"
     labels = {row["key"]: row["ran"] for row in run(sweep, request())["ablation"]["rows"]}
@@ -133,13 +133,13 @@ def test_only_rows_by_the_printed_recipe_have_the_papers_label_and_fill_its_othe
     assert tables.keys() == {"ablation"}
 
 
-def test_a_row_of_the_default_with_a_set_field_says_both(tmp_path: Path) -> None:
+def test_a_default_row_with_a_set_field_is_labelled_with_both(tmp_path: Path) -> None:
     scenes, (suite, _) = tensoir(), with_settings(ABLATIONS, {"materials.weights.mask": 0.5}, "paper")
     ran = {row["key"]: row["ran"] for row in run_on(tmp_path, scenes, suite)["ablation"]["rows"]}
     assert ran["ours"].startswith("Ours: recipe recommended; materials.weights.mask = 0.5; preset paper")
 
 
-def test_a_row_that_another_method_ran_says_so_and_needs_no_such_method_here(sweep: FakeSweep) -> None:
+def test_a_row_run_by_another_method_states_it_without_that_method(sweep: FakeSweep) -> None:
     """A suite of one's own may give the rows of a published table to methods of other names and with other fields."""
     mine = request()
     sweep.run([cell for _, cell in mine.cells])
@@ -191,7 +191,7 @@ def test_results_of_another_preset_seed_or_suite_stay_out(sweep: FakeSweep) -> N
     assert after == before
 
 
-def test_changes_are_to_all_views_and_hours_are_those_of_training(sweep: FakeSweep) -> None:
+def test_changes_are_relative_to_all_views_and_hours_count_training(sweep: FakeSweep) -> None:
     asked = request(VIEWS)
     tables = run(sweep, asked)
     found = tables["views"]["cells"]["no-rad-25"]["nvs/change"]["mean"]

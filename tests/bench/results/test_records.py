@@ -109,7 +109,7 @@ def test_the_terminal_compares_with_no_record_by_another_recipe_or_of_other_rows
     assert "Record of" not in capsys.readouterr().out
 
 
-def test_a_plan_says_what_the_record_of_the_same_preset_and_recipe_took_and_could_show(
+def test_a_plan_prints_cost_and_power_of_the_matching_record(
     run: Path, record: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     request = asked(2, replace(ABLATIONS, rows=ABLATIONS.rows[:2]))
@@ -129,7 +129,7 @@ def test_a_plan_says_what_the_record_of_the_same_preset_and_recipe_took_and_coul
     assert "In the record" not in capsys.readouterr().out  # which lacks rows
 
 
-def test_a_record_keeps_what_pairs_of_rows_are_worth(tmp_path: Path) -> None:
+def test_a_record_keeps_differences_of_pairs_of_rows(tmp_path: Path) -> None:
     sweep, request = FakeSweep(tmp_path / "run"), asked(2, replace(RIVALS, rows=RIVALS.rows[:4]))
     cells = request.cells
     write_sweep(sweep.store, request.manifest())
@@ -145,7 +145,7 @@ def test_a_record_keeps_what_pairs_of_rows_are_worth(tmp_path: Path) -> None:
     assert all(line in written for line in (found["title"], found["note"], *found["sentences"]))
 
 
-def test_a_record_keeps_what_turning_a_knob_gains_and_costs(tmp_path: Path) -> None:
+def test_a_record_keeps_gain_and_cost_of_each_knob(tmp_path: Path) -> None:
     sweep, request = FakeSweep(tmp_path), asked(2, NS)
     cells = request.cells
     write_sweep(sweep.store, request.manifest())
@@ -186,7 +186,7 @@ def test_the_document_and_the_page_of_a_record_are_written_again_from_the_record
     assert main(["record", "--to", str(record)]) == 2
 
 
-def test_the_committed_pages_are_those_of_the_committed_records_one_short_table_each() -> None:
+def test_committed_pages_equal_their_records_with_one_short_table_each() -> None:
     found = sorted(RECORDS.glob("*.json"))
     assert {path.stem for path in found} == {path.stem for path in PAGES.glob("*.md")} >= {"ablations", "departures"}
     for path in found:
@@ -199,11 +199,11 @@ def test_the_committed_pages_are_those_of_the_committed_records_one_short_table_
 
 
 MARKED = re.compile(r"<!-- from records/([\w-]+)\.md -->\n(.*?)<!-- end of record -->", re.DOTALL)
-"""A part of a document whose values are those of a record."""
+"""A part of a document whose values come from a record."""
 
 
 def marked() -> list[tuple[Path, str, str]]:
-    """Document, record and text of every such part."""
+    """Document, record and text of every part between marks."""
     documents = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
     return [(path, *found) for path in documents for found in MARKED.findall(path.read_text(encoding="utf-8"))]
 

@@ -1,4 +1,4 @@
-"""The summary's figures are the stored ones: means, paired differences, and reasons for what is not there."""
+"""The summary's figures equal the stored ones: means, paired differences, and reasons for missing values."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -80,7 +80,7 @@ def test_lpips_that_no_row_has_for_lack_of_weights_is_left_out_with_the_reason(s
     assert not any("left out" in doubt["text"] for doubt in one_row_has_it["doubts"])
 
 
-def test_means_are_over_kinds_of_scenes_and_intervals_say_what_they_count(sweep: FakeSweep) -> None:
+def test_means_are_over_kinds_of_scenes_and_intervals_state_their_units(sweep: FakeSweep) -> None:
     manifest = REQUEST.manifest()
     manifest["scenes"], manifest["seeds"] = ["ball", "bowl", "niche"], [0]
     manifest["cells"] = [{**place, "scene": manifest["scenes"][place["seed"]], "seed": 0} for place in PLACES]
@@ -128,7 +128,7 @@ def test_the_memory_of_training_is_the_largest_peak_of_its_stages(sweep: FakeSwe
     assert "training/megabytes" not in values_of(result)
 
 
-def test_a_plan_comes_with_its_bound_and_what_its_probes_took(sweep: FakeSweep) -> None:
+def test_a_plan_comes_with_its_bound_and_the_cost_of_probes(sweep: FakeSweep) -> None:
     result = sweep.store.result(PLACES[0]["key"])
     assert result is not None
     plain = plan_summary(result)
@@ -152,7 +152,7 @@ def test_a_plan_comes_with_its_bound_and_what_its_probes_took(sweep: FakeSweep) 
     assert plan_summary(result) is None
 
 
-def test_a_metric_that_no_result_has_says_why(sweep: FakeSweep) -> None:
+def test_a_metric_that_no_result_has_gives_its_reason(sweep: FakeSweep) -> None:
     summary = summarise(sweep.store, REQUEST.manifest(), PUBLISHED, "four scenes")
     found = summary["cells"]["ours"]["albedo/psnr"]
     assert found == {
@@ -177,7 +177,7 @@ def test_an_empty_store_gives_a_summary_without_figures(tmp_path: Path) -> None:
     assert all(figure["mean"] is None for row in summary["cells"].values() for figure in row.values())
 
 
-def test_an_error_is_parted_into_what_differs_between_seeds_and_what_does_not(tmp_path: Path) -> None:
+def test_an_error_is_split_into_variance_over_seeds_and_a_shared_part(tmp_path: Path) -> None:
     """A bias of 30 levels and noise of 20 give 30^2 + 20^2; one seed, one side alone and other maps give nothing."""
     store, generator = Store(tmp_path), np.random.default_rng(3)
     truth = np.full((64, 64, 3), 100, np.uint8)

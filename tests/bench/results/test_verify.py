@@ -1,4 +1,4 @@
-"""``verify`` sees every damage that readers see, changes nothing, and says what a rerun would take."""
+"""``verify`` finds every damage that readers find, changes nothing, and states what a rerun would take."""
 
 import json
 import shutil
@@ -65,9 +65,7 @@ def test_arrays_that_are_gone_are_found(run: Path) -> None:
     assert (finding.path, finding.what) == (f"cells/{path.name}", "it is gone")
 
 
-def test_a_rerun_scores_again_what_is_trained_and_trains_what_is_not(
-    run: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_rerun_scores_trained_cells_and_trains_the_others(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store, (scored, trained, *_) = Store(run), [place for place, _ in asked(1).cells]
     took = [result["seconds"] for result in store.results() if result["key"] not in (scored["key"], trained["key"])]
     (run / "cells" / f"{scored['key']}.json").write_bytes(b"")

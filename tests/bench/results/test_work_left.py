@@ -19,7 +19,7 @@ def result(first: tuple[str, float], second: tuple[str, float], scored: float) -
     return cast(Result, cast(Any, {"cell": {"stages": keys}, "seconds": seconds}))
 
 
-def test_seconds_are_those_of_the_same_row_and_without_one_of_all_rows() -> None:
+def test_seconds_come_from_the_same_row_or_else_from_all_rows() -> None:
     wanted = [("slow", 0), ("fast", 0), ("new", 0), ("slow", 1), ("fast", 1), ("new", 1), ("slow", 2)]
     places = [place(row, seed, [f"shared-{seed}", f"{row}-{seed}"]) for row, seed in wanted]
     finished = {

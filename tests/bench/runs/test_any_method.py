@@ -184,7 +184,7 @@ def test_a_run_of_another_method_has_a_table_a_status_and_a_gate(
 def test_every_experiment_has_its_reports_for_another_method_alone(
     suite: str, run_chain: Callable[..., int], tmp_path: Path
 ) -> None:
-    """Also those that tell of plans and knobs, which it has none of."""
+    """Also the reports on plans and knobs, which the method does not have."""
     assert run_chain(suite) == 0
     assert [row["key"] for row in read_sweep(tmp_path)["rows"]] == ["chain"]
     assert (tmp_path / f"{suite}.csv").exists()

@@ -96,7 +96,7 @@ def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
 
 
 @pytest.mark.slow
-def test_a_probe_of_a_scene_says_why_and_draws_nothing_unasked(
+def test_a_probe_of_a_scene_gives_its_reasons_and_draws_nothing_unasked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -72,7 +72,7 @@ def test_a_field_of_the_variant_changes_the_first_stage_that_reads_it_and_all_af
 
 @pytest.mark.parametrize("name", flat(dataclasses.asdict(PRESETS["smoke"])))
 def test_a_field_of_the_budget_changes_the_first_stage_that_reads_it_and_all_after(name: str) -> None:
-    """Its name alone is that of no stage's work: a preset under another name trains the same."""
+    """The budget's name belongs to no stage's work: a preset under another name trains the same."""
     first = 2 if name in ("name", *Budget.shown_only) else 1 if name in INVERSE_ONLY else 0
     smoke = PRESETS["smoke"]
     value = "other" if name == "name" else 2 * flat(dataclasses.asdict(smoke))[name]
@@ -159,7 +159,7 @@ def test_sources_of_showing_change_the_result_and_train_nothing_anew() -> None:
 
 
 class Siblings(Chain):
-    """A chain whose first stages are those of another method."""
+    """A chain that shares its first stages with another method."""
 
     def stages(self, variant: Turned, budget: Steps) -> Sequence[StageSpec]:
         first, *rest = super().stages(variant, budget)
@@ -180,7 +180,7 @@ def test_a_field_that_only_rendering_reads_changes_the_result_and_no_stage() -> 
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
-def test_stages_are_chained_and_the_first_and_last_of_them_name_what_is_shared(count: int) -> None:
+def test_stages_are_chained_with_a_first_and_a_last_key(count: int) -> None:
     """Stages that read and do the same are still different products, one after the other."""
 
     class Alike(Chain):
@@ -213,7 +213,7 @@ def test_other_sources_that_score_keep_the_trained_model() -> None:
     assert changed(other, fake_cell()) == [False, False, True]
 
 
-def test_scores_along_the_way_are_part_of_what_the_last_stage_leaves() -> None:
+def test_scores_during_training_are_part_of_the_last_stages_product() -> None:
     assert changed(fake_cell(experiment=COST), fake_cell()) == [False, True, True]
     assert changed(fake_cell(experiment=COST, protocol="irgs"), fake_cell(experiment=COST)) == [False, True, True]
 
@@ -234,8 +234,8 @@ def test_every_field_of_the_variant_is_in_the_content() -> None:
 
 
 @pytest.mark.parametrize("variant", [Variant(deviations=tuple(DEVIATIONS)), Variant(effects=("visibility",))])
-def test_the_content_is_what_a_stored_result_gives_back(variant: Variant) -> None:
-    """Else nothing that is looked for by its content is ever found in a store."""
+def test_a_stored_result_returns_the_content_of_its_cell(variant: Variant) -> None:
+    """Otherwise nothing would be found in a store by its content."""
     content = fake_cell(variant=variant).content()
     assert json.loads(json.dumps(content)) == content
 
@@ -367,7 +367,7 @@ def keys_with(copies: SourceTree, module: str, file: Path, content: bytes) -> di
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_a_constant_changes_the_keys_of_what_it_decides_and_no_other(
+def test_a_constant_changes_only_the_keys_that_depend_on_it(
     module: str, copies: SourceTree, unchanged: dict[str, str]
 ) -> None:
     path = copies.file(module)
@@ -499,7 +499,7 @@ def test_all_kernels_text_counts_for_the_module_that_loads_it() -> None:
 
 
 def test_a_module_in_no_package_has_no_data_files(tmp_path: Path) -> None:
-    """Its folder is that of everything that is installed."""
+    """Its folder holds everything that is installed."""
     (tmp_path / "alone.py").write_text("x = Path(__file__).with_name('table.npy'), 'table.npy'\n")
     (tmp_path / "table.npy").touch()
     assert SourceTree({"alone": tmp_path / "alone.py"}).data_files("alone") == []

@@ -82,7 +82,7 @@ STEP = ChainStage.step
         ("product", arrays, "product()['value'] of stage 'one' is a numpy.ndarray"),
     ],
 )
-def test_what_a_stage_does_wrong_is_named(
+def test_mistakes_of_a_stage_are_named(
     member: str, wrong: Callable[[ChainStage], Any], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ChainStage, member, wrong)
@@ -134,7 +134,7 @@ def linear_truth() -> type[ChainPrepared]:
         (linear_truth(), "dB better if its colours are taken for linear"),
     ],
 )
-def test_what_a_rendering_does_wrong_is_named(
+def test_mistakes_of_a_rendering_are_named(
     shown: type[ChainPrepared], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ChainTrained, "prepare", lambda model, light=None, *rest: shown(0.5))

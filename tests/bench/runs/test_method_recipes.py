@@ -36,7 +36,7 @@ def by(recipe: str, layout: str = "", scene: str = "", **changed: Any) -> Varian
     return with_values(Variant(), {**recipe_values(recipe, layout, scene), **changed})
 
 
-def test_rows_run_by_their_own_recipe_or_else_by_that_of_the_suite_or_the_methods_default() -> None:
+def test_rows_run_by_their_own_recipe_else_the_suites_else_the_methods() -> None:
     rows = (
         Row("ours", "Ours", "Ours", {"radiometric_weight": 0.1}),
         Row("code", "Code", "Code", {"materials.weights.mask": 0.5}, recipe="released"),

@@ -31,7 +31,7 @@ def test_a_pipe_gets_lines_and_nothing_that_moves(capsys: pytest.CaptureFixture[
     assert capsys.readouterr() == ("", "corner ours seed 0: started\n")
 
 
-def test_a_log_has_a_line_a_minute_of_what_takes_longer(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_has_a_line_per_minute_for_longer_work(capsys: pytest.CaptureFixture[str]) -> None:
     now = 0.0
     progress = LogProgress(lambda: now)
     for step in range(100):
@@ -103,7 +103,7 @@ def test_on_a_narrow_terminal_a_name_loses_words_and_no_number_a_digit(width: in
         assert len(line) <= width
 
 
-def test_a_finished_bar_goes_and_a_resumed_one_starts_where_it_stands(screen: Screen) -> None:
+def test_a_finished_bar_disappears_and_a_resumed_one_starts_at_its_step(screen: Screen) -> None:
     screen.progress.advance("init", 9, 10)
     assert screen.progress.bars.tasks[0].completed == 9
     screen.progress.advance("init", 10, 10)
@@ -120,7 +120,7 @@ class Recorder(LogProgress):
         self.last[task] = (done, total)
 
 
-def test_the_sweep_counts_the_steps_of_all_stages_and_not_those_of_a_checkpoint() -> None:
+def test_the_sweep_counts_steps_of_all_stages_except_checkpointed_ones() -> None:
     recorder = Recorder()
     with SweepProgress(recorder, ("one", "two"), steps=40) as progress:
         for step in range(1, 11):
@@ -206,7 +206,7 @@ def test_several_at_a_time_share_the_work_until_the_longest_cell_decides() -> No
     assert whole_time([*cells, Expected(1000.0, None, None)], 4) == "about 16.7 min"
 
 
-def test_a_plan_says_what_workers_take_and_on_how_many_threads_that_was_measured(
+def test_a_plan_prints_the_time_of_workers_and_the_measured_threads(
     store: Store, capsys: pytest.CaptureFixture[str]
 ) -> None:
     request = asked(3)

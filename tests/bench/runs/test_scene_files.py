@@ -36,7 +36,7 @@ def image_of(scene: Scene) -> Path:
 
 
 def repaint(scene: Scene) -> None:
-    """Replace an image by a black one of its size."""
+    """Replace an image by a black one of equal size."""
     with Image.open(image_of(scene)) as image:
         size = image.size
     levels = np.zeros((size[1], size[0], 4), np.uint8)
@@ -129,7 +129,7 @@ def test_a_scene_whose_checksum_was_of_other_files_is_refused(scene: Scene, tmp_
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["rgba.png", "depth.exr"])
 def test_a_file_that_was_changed_and_put_back_is_not_decoded(kind: str, scene: Scene, tmp_path: Path) -> None:
-    """Audit M1: between two digests nobody saw it, and what was made of it was kept."""
+    """Audit M1: nobody noticed the change between two digests, and results made from it were kept."""
     assert scene.folder is not None
     path, other = scene.folder / "test_001" / kind, scene.folder / "test_002" / kind
     whole = path.read_bytes()

@@ -104,7 +104,7 @@ def test_cells_that_share_a_start_make_it_once_and_end_as_without_a_store(tmp_pa
     }
 
 
-def test_its_cost_is_that_of_every_cell(tmp_path: Path) -> None:
+def test_its_cost_counts_for_every_cell(tmp_path: Path) -> None:
     chain = Starting()
     chain.takes = 0.3
     bench = bench_of(chain, tmp_path)
@@ -159,7 +159,7 @@ def test_the_product_before_a_start_is_freed_when_it_is_made(tmp_path: Path) -> 
     assert chain.left == [False, False, False]
 
 
-def test_the_key_of_a_start_is_over_what_it_reads_and_the_stage_before(tmp_path: Path) -> None:
+def test_the_key_of_a_start_covers_its_reads_and_the_stage_before(tmp_path: Path) -> None:
     chain = Starting()
     whole, other = cell(chain).stages[1], cell(chain, weight=2.0).stages[1]
     assert (whole.start == other.start, whole.key == other.key) == (True, False)
@@ -194,7 +194,7 @@ LITTLE = with_values(PRESETS["smoke"], {"geometry.steps": 12, "inverse_iteration
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effects", ["all", "auto"])
-def test_a_training_compiles_nothing_that_warming_up_has_not(effects: str) -> None:
+def test_training_compiles_no_kernel_that_warming_up_has_not(effects: str) -> None:
     """Blending is compiled for its number of channels; a probe blends as many images as there are plans to compare."""
     scene, variant = sphere_scene(views=12, size=24), Variant(effects=effects)
     blend_kernels.cache_clear()
@@ -240,13 +240,13 @@ def test_every_variant_of_every_method_is_warmed_up_once() -> None:
     assert second.stepped == ["fit"]
 
 
-def test_variants_are_warmed_up_with_one_start_and_one_step_of_what_they_share() -> None:
+def test_variants_are_warmed_up_with_one_start_and_step_of_shared_stages() -> None:
     chain = Starting()
     compile_kernels(sphere_scene(views=4), CPU, [(chain, Turned()), (chain, Turned(weight=2.0))])
     assert (chain.made, chain.stepped) == (1, ["coarse", "fine", "fine"])
 
 
-def test_a_stage_whose_step_fails_lets_go_of_what_it_holds() -> None:
+def test_a_stage_whose_step_fails_releases_its_resources() -> None:
     chain = Chain(("fit",), (True,), broken="fit")
     compile_kernels(sphere_scene(views=4), CPU, [(chain, Turned())])  # its cells will say what is wrong
     assert chain.closed == ["fit"]

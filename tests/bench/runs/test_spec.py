@@ -60,7 +60,7 @@ def test_a_spec_is_the_same_through_json_and_by_keywords() -> None:
         ({"sedes": 2}, "Did you mean 'seeds'?"),
     ],
 )
-def test_what_no_run_can_be_is_refused(changes: dict[str, Any], says: str) -> None:
+def test_impossible_runs_are_refused(changes: dict[str, Any], says: str) -> None:
     with pytest.raises(UsageError) as refused:
         RunSpec.of("ablations", **changes)
     assert says in str(refused.value)

@@ -38,7 +38,7 @@ def probe(run: object, **inputs: Tensor) -> Probe:
     return Probe(inputs, run, (0.0,))  # type: ignore[arg-type]
 
 
-def test_the_error_is_that_of_float32_on_the_numbers_as_they_were_rounded() -> None:
+def test_the_error_is_float32s_on_the_rounded_inputs() -> None:
     """1 + x - 1 loses what x has below eps; x itself was rounded before, and is not at fault."""
     x = torch.tensor([1e-4 / 3])
     found = measure(probe(lambda given: ((1 + given["x"]) - 1,), x=x), 0, CPU)

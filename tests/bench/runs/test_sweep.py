@@ -1,4 +1,4 @@
-"""The manifest holds enough to rebuild a table, and says what state each cell is in."""
+"""The manifest suffices to rebuild a table, and gives the state of each cell."""
 
 import json
 from dataclasses import replace

@@ -148,7 +148,7 @@ def recorded(stage: Any) -> list[FirstStep]:
     return first.steps
 
 
-def test_lengths_are_those_of_the_gradient_and_of_what_the_step_added() -> None:
+def test_lengths_of_gradient_and_update_are_recorded() -> None:
     steps = recorded(Descent())
     assert [step["iteration"] for step in steps] == list(range(1, FIRST_STEPS + 1))
     for number, step in enumerate(steps):
@@ -192,7 +192,7 @@ def stored_alone(sweep: FakeSweep) -> Result:
     return result
 
 
-def test_every_training_stage_says_how_fast_the_machine_was(tmp_path: Path) -> None:
+def test_every_training_stage_records_the_machines_speed(tmp_path: Path) -> None:
     sweep = FakeSweep(tmp_path)
     sweep.run([fake_cell()])
     for stage in ("initialise", "invert"):

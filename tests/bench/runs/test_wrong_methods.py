@@ -1,4 +1,4 @@
-"""A method that does something wrong ends its own cell, and whoever wrote it is told what and where."""
+"""A method's mistake ends its own cell, and the message tells its author what went wrong and where."""
 
 import asyncio
 import math
@@ -210,11 +210,11 @@ ODD: Mapping[str, Callable[[Run], object]] = {
     "standard output and errors": lambda run: setattr(sys, "stderr", sys.__stderr__),
     "": scale_everything,
 }
-"""Changes that a method may make, by the name under which they are said; nothing is said of its copy of the scene."""
+"""Changes that a method may make, by their names in messages; changes of its copy of the scene are not reported."""
 
 
 def facts_beside(folder: Path, *others: Chain) -> Mapping[str, Any]:
-    """The observations of a row behind those of other methods."""
+    """The observations of a row, after those of other methods."""
     store, observing = Store(folder), Observing(("fit",), name="observing")
     assert run_all(store, *others, observing) == []
     stored = store.result(cells_of(observing)[0].key)
@@ -423,7 +423,7 @@ OUTCOMES: Mapping[str, Callable[[], Any]] = {
 
 
 class WrongIn(Chain):
-    """A chain one of whose calls has another outcome, named by both."""
+    """A chain in which one call, given by name, has another outcome."""
 
     def __init__(self, call: str, outcome: str) -> None:
         super().__init__(("fit",), name=f"{CALLS.index(call)}-{list(OUTCOMES).index(outcome)}")
@@ -627,7 +627,7 @@ CAMERA = SCENE.test[0].camera
         ),
     ],
 )
-def test_a_map_that_cannot_be_scored_is_refused_with_what_is_wrong(
+def test_a_map_that_cannot_be_scored_is_refused_with_its_fault(
     name: str, image: Any, what: str, why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown = ChainPrepared(0.5)

@@ -188,7 +188,7 @@ def dense_rise(painted: Painted, views: Any) -> float:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_the_free_rise_is_what_no_answer_hides(share: float) -> None:
+def test_the_free_rise_is_the_rise_that_no_answer_hides(share: float) -> None:
     views = scene().train
     painted = Painted(scene(), int(share * views[0].camera.width))
     shown = [painted.images("roughness", amount) for amount in (0.0, 0.1, -0.1)]
@@ -228,7 +228,7 @@ def test_a_request_to_stop_is_noticed() -> None:
         determined(Changed(made), made, CPU, "changed", stop)
 
 
-def test_images_of_another_number_or_size_and_those_not_finite_are_refused() -> None:
+def test_images_of_wrong_number_or_size_or_not_finite_are_refused() -> None:
     made = scene()
 
     class Fewer(Changed):
@@ -244,7 +244,7 @@ def test_images_of_another_number_or_size_and_those_not_finite_are_refused() -> 
         determined(NotFinite(made), made, CPU, "infinite")
 
 
-def test_a_result_keeps_what_was_measured_of_its_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_result_keeps_the_measurements_of_its_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     record = parabolas([0.1, 0.2, 0.0])
     asked: list[Any] = []
 

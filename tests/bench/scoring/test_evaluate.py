@@ -63,7 +63,7 @@ def test_a_perfect_model_has_perfect_metrics() -> None:
 
 
 def test_evaluation_can_be_stopped_during_a_long_preparation() -> None:
-    """Every step tells how many images are done, so that a request to stop is not left waiting for the last step."""
+    """Every step reports how many images are done, so that a request to stop need not wait for the last step."""
     told: list[tuple[int, int]] = []
 
     def advance(done: int, total: int) -> None:
@@ -90,8 +90,8 @@ def test_the_memory_of_frames_is_the_most_that_any_light_took(monkeypatch: pytes
     assert timings["render/megabytes"] == {"value": 5.0, "reason": None, "views": [None]}
 
 
-def test_views_elsewhere_are_relit_and_nothing_else() -> None:
-    """As Stanford-ORB has them: each under a light of its own, beside test views that are under none."""
+def test_views_elsewhere_are_only_relit() -> None:
+    """As in Stanford-ORB: each has its own light, and test views have none."""
     test = [view_with(place, {"image": 3, "normal": 3}) for place in range(2)]
     elsewhere = [view_with(2, {"relit/sun": 3}), view_with(3, {"relit/sky": 3})]
     scene = replace(scene_of(*test), relight=tuple(elsewhere))
@@ -139,7 +139,7 @@ def test_maps_without_truth_are_absent_and_maps_that_some_views_lack_are_named()
     assert found.shown_light is None
 
 
-def test_the_arrays_are_what_the_contact_sheet_shows() -> None:
+def test_the_arrays_hold_the_contact_sheets_maps() -> None:
     known = EVERYTHING | {"relit/sun/indirect": 3}
     scene = scene_of(view_with(0, known), view_with(1, known))
     found = values(scene)
@@ -213,7 +213,7 @@ def test_every_protocol_has_a_value_or_a_reason_for_every_task(rules: str) -> No
 
 @pytest.mark.parametrize("rules", PROTOCOLS)
 def test_a_method_that_cannot_be_relit_gives_its_reason_for_every_relit_metric(rules: str) -> None:
-    """And nothing else is missing: the same metrics as of one that can, and all images are told of."""
+    """Nothing else is missing: the metrics are the same as for a relightable method, and progress counts all images."""
     scene = scene_of(*(view_with(place, EVERYTHING) for place in range(2)))
     found, able = scored(Fixed(scene), rules), scored(Perfect(scene), rules)
     assert found.metrics.keys() == able.metrics.keys()
@@ -263,7 +263,7 @@ def test_the_recovered_light_is_compared_at_the_true_ones_resolution() -> None:
 
 
 def without_masks(scene: Scene) -> Scene:
-    """The same images as photos of a room: nothing says which pixels show the object."""
+    """The same images as photos of a room: the pixels of the object are not marked."""
 
     def photo(view: View) -> View:
         return replace(view, sources={name: read for name, read in view.sources.items() if name != "alpha"})
@@ -272,7 +272,7 @@ def without_masks(scene: Scene) -> Scene:
 
 
 def test_light_and_albedo_of_a_scene_without_masks_are_withheld_with_the_reason() -> None:
-    """Although all of it could be compared: what lights a room is part of its model."""
+    """Although all of it could be compared: the light of a room is part of its model."""
     light = EnvironmentMap(torch.ones(4, 8, 3))
     masked = replace(scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING)), training_light=light)
     lit, model = scored(Perfect(masked, light=light)), Perfect(without_masks(masked), light=light)

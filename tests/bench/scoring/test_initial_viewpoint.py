@@ -44,7 +44,7 @@ def test_z_is_up_where_cameras_stand_upright_and_a_room_has_the_middle_that_they
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0, -2.0])
-def test_the_arc_is_that_of_the_cameras_from_the_eye_to_either_side(turn: float) -> None:
+def test_the_arc_spans_the_cameras_to_both_sides_of_the_eye(turn: float) -> None:
     angles = turn + torch.tensor([0.4, -0.6, 0.0, 0.9])
     room = ring(angles.tolist())
     arc = initial_viewpoint(room, room.test[0].camera).arc

@@ -17,7 +17,7 @@ ALPHA = torch.tensor([[1.0, 0.5, 0.0], [0.25, 1.0, 0.75]])[..., None]
 
 
 class Offering:
-    """Says what it offers, and renders what it is given."""
+    """Declares what it offers, and renders given maps."""
 
     timed = True
     rendered: dict[str, torch.Tensor]
@@ -55,7 +55,7 @@ def maps(**given: float) -> dict[str, torch.Tensor]:
     return {"alpha": ALPHA, **{name: torch.full((*SIZE, 1 if name in one else 3), v) for name, v in given.items()}}
 
 
-def test_straight_maps_are_multiplied_by_coverage_but_not_those_of_geometry() -> None:
+def test_straight_maps_except_geometry_are_multiplied_by_coverage() -> None:
     given = maps(image=0.5, albedo=0.25, roughness=0.5, normal=0.6, depth=3.0)
     found = on_black(STRAIGHT, given)
     for name in ("image", "albedo", "roughness"):

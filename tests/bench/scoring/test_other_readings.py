@@ -1,4 +1,4 @@
-"""``score`` names the reading in which images fit their truth far better, and says nothing of images that are bad."""
+"""``score`` names the reading in which images fit their truth far better, and does not comment on bad images."""
 
 import json
 from collections.abc import Callable
@@ -84,7 +84,7 @@ def few(name: str) -> Scene:
     return replace(whole, test=whole.test[:4])
 
 
-def test_nothing_is_said_of_right_and_of_bad_images(tmp_path: Path, scene: Scene) -> None:
+def test_right_and_merely_bad_images_cause_no_remark(tmp_path: Path, scene: Scene) -> None:
     for what in ("exact", "much noise", "much blurred", "coarse", "black"):
         assert said(write(tmp_path / what, scene, "image", BAD[what]), scene) == [], what
 
@@ -92,13 +92,13 @@ def test_nothing_is_said_of_right_and_of_bad_images(tmp_path: Path, scene: Scene
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mirror", "front_plain"])
 @pytest.mark.parametrize("kind", ["image", "albedo"])
-def test_nothing_is_said_of_images_that_are_bad_in_any_way(tmp_path: Path, name: str, kind: str) -> None:
+def test_images_that_are_merely_bad_cause_no_remark(tmp_path: Path, name: str, kind: str) -> None:
     scene = few(name)
     for what, change in BAD.items():
         assert said(write(tmp_path / what, scene, kind, change), scene) == [], what
 
 
-def test_nothing_is_said_of_right_and_of_bad_normals(tmp_path: Path, scene: Scene) -> None:
+def test_right_and_merely_bad_normals_cause_no_remark(tmp_path: Path, scene: Scene) -> None:
     for what in ("exact", "much noise", "much blurred", "coarse"):
         change = BAD[what]
         folder = write(tmp_path / what, scene, "normal", lambda n, c=change: normalize(2 * c(n / 2 + 0.5) - 1, dim=-1))
@@ -170,7 +170,7 @@ def test_a_ground_is_named(tmp_path: Path, scene: Scene, colour: tuple[float, ..
 def test_images_on_white_score_as_on_black_with_the_option(
     tmp_path: Path, scene: Scene, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The perfect image on white was scored 3 dB without a word. With an alpha channel there is no ground."""
+    """The perfect image on white silently scored 3 dB. With an alpha channel the ground does not matter."""
     for view in load_scene("corner").test:
         image, mask = truth(view, "image"), coverage(view)
         for folder, stored in (("white", image + 1 - mask), ("straight", torch.cat([view.read("image"), mask], -1))):

@@ -144,7 +144,7 @@ def reasons(**missing: torch.Tensor) -> tuple[str | None, str | None]:
     return found["irradiance"].reason or None, found["reflection"].reason or None
 
 
-def test_each_value_that_is_missing_says_why() -> None:
+def test_each_missing_value_gives_its_reason() -> None:
     nothing = torch.empty(0)
     unseen = "no test view shows a surface with a true normal"
     assert reasons() == (None, None)
@@ -166,7 +166,7 @@ def test_evaluation_stores_all_three() -> None:
         assert found[f"environment/{name}"]["value"] == pytest.approx(0, abs=1e-9)
 
 
-def test_a_scene_without_masks_has_neither_and_says_why() -> None:
+def test_a_scene_without_masks_has_neither_metric_and_gives_the_reason() -> None:
     view = view_with(0, EVERYTHING)
     bare = replace(view, sources={name: each for name, each in view.sources.items() if name != "alpha"})
     scene = replace(scene_of(view), train=(bare,), training_light=EnvironmentMap(sunny(4, 1, 3)))

@@ -1,4 +1,4 @@
-"""Relit views against those of the method's reference mode: bias and PSNR, in the scores of a cell that asks for it."""
+"""Relit views against the method's reference mode: bias and PSNR, in the scores of a cell that asks for them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -61,7 +61,7 @@ def test_a_black_reference_has_no_bias() -> None:
     assert found["psnr_reference"].value == pytest.approx(-10 * float(torch.tensor(0.25).log10()), abs=1e-4)
 
 
-def test_a_view_is_compared_with_that_of_the_reference_and_not_with_the_truth() -> None:
+def test_a_view_is_compared_with_the_reference_mode_not_the_truth() -> None:
     scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING))
     found = scored(Referring(scene, {"relit/sun": 0.1}), scene).metrics
     mask = scene.test[0].read("alpha")

@@ -125,7 +125,7 @@ def test_the_iteration_with_the_largest_number_is_read(scene: Scene, tmp_path: P
         ("{index}", "0.png"),
     ],
 )
-def test_images_of_anybody_are_read_by_name_or_number_and_that_is_said(
+def test_plain_images_are_read_by_name_or_number_with_a_remark(
     place: str, first: str, folders: dict[str, Path], scene: Scene, tmp_path: Path
 ) -> None:
     """Numbers are places in the order of the test views; ``relit`` may be numbered likewise."""
@@ -163,7 +163,7 @@ def test_views_whose_names_are_numbers_are_read_by_their_place_where_only_that_i
         read_predictions(tmp_path, renamed)
 
 
-def test_images_that_are_no_views_are_listed_with_what_they_would_have_to_be_called(
+def test_images_without_a_view_are_listed_with_the_expected_names(
     folders: dict[str, Path], scene: Scene, tmp_path: Path
 ) -> None:
     for view in scene.test:
@@ -274,7 +274,7 @@ def test_wrong_calls_are_explained(
 def test_a_missing_prediction_is_not_called_a_missing_truth(
     folders: dict[str, Path], scene: Scene, tmp_path: Path
 ) -> None:
-    """Audit M38: where a view's prediction was missing, the ground truth was said to be."""
+    """Audit M38: for a missing prediction of a view, the message blamed a missing truth."""
     folder = Path(shutil.copytree(folders["plain"], tmp_path / "plain"))
     view = scene.test[1].name
     for name in ("image", "normal", "albedo"):

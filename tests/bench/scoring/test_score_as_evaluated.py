@@ -37,7 +37,7 @@ def with_floater(maps: Maps) -> Maps:
 
 
 class Shown:
-    """Shows the same maps under its own light, and those of ``relit`` under another."""
+    """Shows the same maps under its own light, and ``relit``'s maps under another."""
 
     timed = True
 
@@ -90,7 +90,7 @@ def scores(scene: Scene, predicted: dict[str, Maps], tmp_path_factory: pytest.Te
 
 
 @pytest.mark.parametrize("name", list(PROTOCOLS))
-def test_files_score_as_the_model_that_shows_the_same(
+def test_files_score_like_the_model_that_rendered_them(
     name: str, scene: Scene, predicted: dict[str, Maps], scores: dict[str, Score]
 ) -> None:
     model, files = Predicting(scene, predicted), scores[name]

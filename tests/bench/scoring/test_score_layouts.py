@@ -146,7 +146,7 @@ def test_a_missing_relit_view_leaves_the_metrics_of_the_other_views(scene: Scene
     assert score.metrics["relight/overcast/psnr"]["value"] is not None
 
 
-def test_the_mean_over_lights_is_that_of_the_lights(scene: Scene, tmp_path: Path) -> None:
+def test_the_mean_over_lights_equals_the_lights_mean(scene: Scene, tmp_path: Path) -> None:
     WRITERS["gs-ir"](tmp_path, noisy(scene))
     found = values(tmp_path, scene)
     lights = [found[f"relight/{light}/psnr"] for light in scene.lights]
@@ -283,7 +283,7 @@ def test_images_of_any_case_ending_and_iteration_are_paired(
         ("a/b/test_{k:03}.jpg", 1, 0, "Give the folder that holds them: .*/a/b. Or call"),
     ],
 )
-def test_a_refusal_says_what_lies_there_and_what_to_do(
+def test_a_refusal_lists_the_folders_content_and_a_remedy(
     name: str, wide: int, first: int, said: str, scene: Scene, tmp_path: Path
 ) -> None:
     for place, image in enumerate(images_of(scene), start=first):

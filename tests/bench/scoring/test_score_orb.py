@@ -84,7 +84,7 @@ def with_outputs(file: Path, **outputs: Any) -> Path:
     return file
 
 
-def test_what_a_method_does_not_predict_is_white_or_left_out_as_the_evaluator_has_it(
+def test_missing_predictions_are_white_or_left_out_as_in_the_evaluator(
     handed_in: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with_outputs(
@@ -128,7 +128,7 @@ def test_pairs_without_a_target_are_named_and_the_others_are_scored(handed_in: P
     assert "cube/normal/mae" in metrics
 
 
-def test_every_protocol_stands_in_one_record(handed_in: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_record_has_every_protocol(handed_in: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["score", str(handed_in), "--protocol", "all", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert set(record["protocols"]) == set(PROTOCOLS)
@@ -175,7 +175,7 @@ def test_a_path_that_leads_out_of_the_folder_counts_as_missing(tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_the_published_example_scores_what_its_own_log_says(
+def test_the_published_example_scores_as_in_its_own_log(
     shared_data: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(shared_data)

@@ -1,4 +1,4 @@
-"""Maps that are kept and compared with: the best constant ones, lights, views and surfels that the page shows."""
+"""Maps that are kept and baselines for them: best constants, lights, views and surfels that the page shows."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -98,7 +98,7 @@ def test_without_a_number_as_many_are_kept_as_fit(monkeypatch: pytest.MonkeyPatc
     assert views_to_keep(model.scene, None) == {"view_2"}
 
 
-def test_metrics_do_not_depend_on_what_is_kept() -> None:
+def test_metrics_do_not_depend_on_the_kept_views() -> None:
     rules, scenes = protocol("default"), scene()
 
     def metrics(kept: int | None) -> object:
@@ -172,7 +172,7 @@ def test_the_mean_of_the_recovered_roughness_is_over_the_mask() -> None:
 
 
 def ramp(height: int) -> torch.Tensor:
-    """Radiance that says where it comes from: row, column, one."""
+    """Radiance that encodes its place: row, column, one."""
     rows = (torch.arange(height) + 0.5) / height
     columns = (torch.arange(2 * height) + 0.5) / (2 * height)
     return torch.stack([*torch.meshgrid(rows, columns, indexing="ij"), torch.ones(height, 2 * height)], -1)
@@ -238,7 +238,7 @@ def surfels() -> Surfels:
     )
 
 
-def test_arrays_hold_what_the_raw_parameters_mean(surfels: Surfels) -> None:
+def test_arrays_hold_the_activated_parameters(surfels: Surfels) -> None:
     arrays = surfel_arrays(Model(surfels), SEEN_FROM, {})
     order = (surfels.opacity * surfels.scale.prod(-1)).argsort(descending=True)
     assert (arrays["surfels/centre"] == surfels.centre[order].numpy()).all()
@@ -268,7 +268,7 @@ def test_the_surfels_with_the_most_coverage_are_kept_of_a_large_model(
     assert arrays["surfels/count"].tolist() == [COUNT]
 
 
-def test_radiance_beyond_half_precision_is_the_largest_number_of_it(surfels: Surfels) -> None:
+def test_radiance_beyond_half_precision_is_clipped_to_its_largest_number(surfels: Surfels) -> None:
     arrays = surfel_arrays(Model(replace(surfels, sh=surfels.sh + 1e6)), SEEN_FROM, {})
     assert np.isfinite(arrays["surfels/radiance"]).all()
     assert arrays["surfels/radiance"].min() == 65504

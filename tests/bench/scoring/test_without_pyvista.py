@@ -1,4 +1,4 @@
-"""Where pyvista cannot be loaded everything else works, and what needs it says what to install."""
+"""Without pyvista everything else works, and commands that need it state what to install."""
 
 import sys
 from pathlib import Path

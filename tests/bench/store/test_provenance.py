@@ -1,4 +1,4 @@
-"""A result says where it comes from."""
+"""A result records its origin."""
 
 import datetime
 import json
@@ -29,7 +29,7 @@ def git(folder: Path, *arguments: str) -> str:
     return done.stdout.strip()
 
 
-def test_git_state_is_that_of_the_repository_that_tracks_the_package(tmp_path: Path) -> None:
+def test_git_state_describes_the_repository_that_tracks_the_package(tmp_path: Path) -> None:
     git(tmp_path, "init", "--quiet")
     package = tmp_path / "package"
     package.mkdir()
@@ -68,14 +68,14 @@ def test_a_session_names_versions_machine_and_memory() -> None:
     assert datetime.datetime.fromisoformat(found["date"]).utcoffset() == datetime.timedelta(0)
 
 
-def test_peak_memory_is_in_bytes_and_grows_with_what_is_held() -> None:
+def test_peak_memory_is_in_bytes_and_grows_with_held_memory() -> None:
     before = peak_memory(CPU)["host"]
     assert 2**26 < before < 2**40
     held = torch.ones(before // 4 + 2**24)  # more than the peak so far, in four-byte floats
     assert peak_memory(CPU)["host"] >= 4 * len(held)
 
 
-def test_a_stage_does_not_answer_for_what_was_held_before_it() -> None:
+def test_memory_held_before_a_stage_does_not_count_for_it() -> None:
     held = torch.ones(2**26)  # 256 MiB
     before = peak_memory(CPU)["host"]
     del held
@@ -83,7 +83,7 @@ def test_a_stage_does_not_answer_for_what_was_held_before_it() -> None:
     assert peak_memory(CPU)["host"] < before - 2**27
 
 
-def test_a_part_of_a_stage_has_peaks_of_its_own_and_the_stage_keeps_all() -> None:
+def test_a_part_of_a_stage_has_separate_peaks_and_the_stage_keeps_all() -> None:
     reset_peaks(CPU)
     held = torch.ones(2**26)  # 256 MiB
     del held
@@ -100,7 +100,7 @@ def test_a_part_of_a_stage_has_peaks_of_its_own_and_the_stage_keeps_all() -> Non
     assert peak_memory(CPU)["host"] >= peaks["host"]
 
 
-def test_without_a_reset_the_peak_is_that_of_the_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_a_reset_the_peak_covers_the_whole_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(provenance, "PEAK_RESET", tmp_path / "nowhere" / "clear_refs")
     monkeypatch.setattr(provenance, "PROCESS_STATUS", tmp_path / "nowhere")
     reset_peaks(CPU)

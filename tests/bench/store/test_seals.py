@@ -202,7 +202,7 @@ def test_damaged_arrays_are_set_aside_and_the_cell_made_again(
     assert sweep.store.result(path.stem) is not None
 
 
-def test_arrays_that_are_gone_are_said_and_made_again(run: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_missing_arrays_are_reported_and_made_again(run: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Audit M17: their pictures vanished unsaid."""
     path = first_cell(run).with_suffix(".npz")
     path.unlink()

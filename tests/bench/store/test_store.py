@@ -1,4 +1,4 @@
-"""Stored files are whole or absent, and are what the document says."""
+"""Stored files are whole or absent, and as the document describes them."""
 
 import errno
 import json
@@ -83,7 +83,7 @@ def test_a_damaged_result_counts_as_absent_and_is_kept_aside(
         ({"sessions": {"fit": [{**session(CPU), "git": {"dirty": False}}]}}, "sessions.fit[0].git lacks 'commit'"),
     ],
 )
-def test_a_result_that_lacks_what_it_speaks_of_counts_as_absent(
+def test_a_result_that_lacks_its_own_parts_counts_as_absent(
     changes: dict[str, Any], says: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Its types and its seal are right, as where a hand or another program wrote it."""
@@ -181,7 +181,7 @@ def test_a_file_size_limit_of_the_kernel_leaves_the_old_file_whole(tmp_path: Pat
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_the_arrays_are_complete_before_the_result_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_arrays_are_complete_before_the_result_exists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = Store(tmp_path)
     written: list[str] = []
     replace = Path.replace

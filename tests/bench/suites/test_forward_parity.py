@@ -1,4 +1,4 @@
-"""The comparison with the path tracer: what is compared, where, and a small run of it."""
+"""The comparison with the path tracer: quantities, pixels, and a small run."""
 
 import json
 from dataclasses import replace
@@ -58,7 +58,7 @@ def test_kept_pixels_are_solid_and_stay_away_from_steps_of_depth(name: str) -> N
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_larger_views_show_the_scene_that_it_says_it_has(name: str) -> None:
+def test_the_larger_views_show_their_stated_scene(name: str) -> None:
     """Surfels on the surfaces that the scene knows, seen from the views' cameras, have the views' depth."""
     from radiogs_core.transport.splatting import splat
 

@@ -1,4 +1,4 @@
-"""The oracle ladder in the harness: its rows, methods that take parts as given or do not, and a run of it."""
+"""The oracle ladder in the harness: its rows, methods with and without given parts, and a run."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -116,7 +116,7 @@ def test_any_method_that_takes_parts_gets_the_rungs_that_it_can_take(monkeypatch
     assert request.suite.reference == "oracle-none"
 
 
-def test_a_method_that_takes_no_part_is_refused_before_anything_runs(
+def test_a_method_that_takes_no_given_part_is_refused_before_anything_runs(
     strangers: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     chain = Chain(("fit",))

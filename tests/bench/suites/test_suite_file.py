@@ -1,4 +1,4 @@
-"""A suite of one's own reads as those in the package do, and what is wrong in it is answered with its place."""
+"""A user's suite is read like the package's suites, and errors in it are reported with their place."""
 
 import dataclasses
 import os
@@ -199,7 +199,7 @@ def test_the_documented_example_is_the_file_and_runs(fake_run: Callable[..., int
         assert f"{row.key}," in table
 
 
-def test_the_example_of_what_plans_gain_differs_in_effects_alone() -> None:
+def test_the_example_on_gains_of_plans_varies_effects_only() -> None:
     suite = read_suite(GAIN)
     everything, auto = suite.rows
     assert suite.experiment == EFFECTS_SUITE.experiment
@@ -223,7 +223,7 @@ def test_a_label_that_names_no_number_is_refused_before_anything_is_run(tmp_path
         read_suite(tmp_path / "wrong.toml")
 
 
-def test_a_file_that_is_nested_without_end_or_is_none_is_explained(tmp_path: Path) -> None:
+def test_a_deeply_nested_or_invalid_file_is_explained(tmp_path: Path) -> None:
     """Audit M23: nested TOML ended in a traceback. M33: a named pipe was waited for."""
     (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000 + "]" * 100_000)
     with pytest.raises(UsageError, match="is no TOML"):

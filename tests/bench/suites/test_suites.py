@@ -97,7 +97,7 @@ def test_a_suite_without_its_reference_row_or_with_rows_of_one_name_is_refused()
     assert Suite("s", "S", None, None, rows[:1], (Metric("nvs", "psnr"),)).reference is None
 
 
-def test_every_row_that_the_paper_prints_for_ours_stands_beside_it() -> None:
+def test_rows_of_a_suite_are_rows_of_its_published_table() -> None:
     """Rows of a suite and its published table have the same keys, but for rows of other methods and other recipes."""
     for each in SUITES.values():
         if each.published is not None:
@@ -108,7 +108,7 @@ def test_every_row_that_the_paper_prints_for_ours_stands_beside_it() -> None:
             assert {row.key for row in printed} - ours <= OTHER_METHODS, each.name
 
 
-def test_beside_other_methods_radiogs_stands_as_printed_and_once_more_as_recommended() -> None:
+def test_beside_other_methods_radiogs_has_a_printed_and_a_recommended_row() -> None:
     """Suites of RadioGS alone compare variants of its default, but for milliseconds and the paper's rates."""
     checked = []
     for each in SUITES.values():
@@ -182,7 +182,7 @@ def test_every_row_runs_under_every_preset_and_differs_there(each: Suite, preset
     assert len({cell.key for _, cell in request.cells}) == len(each.rows)
 
 
-def test_every_suite_has_scenes_at_hand_or_says_where_they_are() -> None:
+def test_every_suite_has_scenes_at_hand_or_states_their_source() -> None:
     for each in SUITES.values():
         assert protocol(each.protocol).name == each.protocol
         if each.download:
@@ -233,7 +233,7 @@ KNOBS = {
 
 @pytest.mark.parametrize("name", KNOBS)
 @pytest.mark.parametrize("preset", list(PRESETS))
-def test_a_row_is_labelled_by_what_it_runs_under_every_preset(name: str, preset: str) -> None:
+def test_a_row_is_labelled_by_its_actual_numbers_under_every_preset(name: str, preset: str) -> None:
     request = asked(1, SUITES[name], preset)
     lines = {line["key"]: line for line in request.manifest()["rows"]}
     for place, cell in request.cells:
@@ -459,7 +459,7 @@ def test_a_change_beyond_its_tolerance_fails_with_the_condition_and_the_size(
     assert f"ours, {SAME[1]}, nvs/psnr {moved - 30:+.2f} dB." in caught.value.why
 
 
-def test_without_the_miniature_itself_nothing_is_claimed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_miniature_itself_there_is_no_verdict(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cells = cells_with({SAME[0]: [30.0], BASE: [None]}, monkeypatch)
     assert "Invariance was not measured" in invariance_kept(Store(tmp_path), cells)
 

@@ -1,4 +1,4 @@
-"""One process of Blender for all tests that render; they skip with its complaint where there is none."""
+"""One Blender process for all tests that render; they skip, with Blender's complaint, if it is missing."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A .blend file is opened in a process of its own, by a request whose contents are its identity."""
+"""A .blend file is opened in a separate process, by a request whose contents are its identity."""
 
 import shutil
 import subprocess
@@ -44,7 +44,7 @@ def opened(blender: Blender, path: Path) -> Any:
     return blender.ask("open", file=str(path), device="cpu", threads=1)
 
 
-def test_what_a_file_holds_is_told(blender: Blender, tmp_path: Path) -> None:
+def test_the_content_of_a_file_is_described(blender: Blender, tmp_path: Path) -> None:
     code = """
 add("one"); add("two", 4.0).hide_render = True
 bpy.ops.object.light_add(type="SUN"); bpy.ops.object.camera_add()
@@ -57,7 +57,7 @@ scene.unit_settings.scale_length = 0.001
 
 
 @pytest.mark.parametrize("content", [b"", b"BLENDER", b"not a file of Blender's" * 100])
-def test_what_is_no_blend_file_is_an_error(blender: Blender, tmp_path: Path, content: bytes) -> None:
+def test_other_files_than_blend_files_are_an_error(blender: Blender, tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.blend").write_bytes(content)
     with pytest.raises(DataError, match=r"is no \.blend file"):
         opened(blender, tmp_path / "a.blend")
@@ -187,7 +187,7 @@ def test_a_complaint_is_an_error_and_the_next_task_is_answered(tmp_path: Path) -
 
 
 @pytest.mark.usefixtures("echo")
-def test_a_process_that_ends_is_told_with_its_last_words(tmp_path: Path) -> None:
+def test_an_ended_process_is_reported_with_its_last_words(tmp_path: Path) -> None:
     with Blender(tmp_path / "log") as blender:
         with pytest.raises(DataError, match=r"ended by itself \(exit code 11\) at the task 'die'") as caught:
             blender.ask("die")
@@ -196,7 +196,7 @@ def test_a_process_that_ends_is_told_with_its_last_words(tmp_path: Path) -> None
             blender.ask("open")
 
 
-def test_a_python_without_blender_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_python_without_blender_names_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv(process.PYTHON_VARIABLE, str(tmp_path / "no_python"))
     with pytest.raises(UsageError, match="No such file") as caught:
         require_blender()

@@ -35,7 +35,7 @@ def test_names_from_before_blender_5_mean_the_same(tmp_path: Path) -> None:
     assert np.array_equal(read_passes(tmp_path / "picture.exr")["Diffuse Indirect"], old["DiffInd"])
 
 
-def test_what_is_no_picture_is_an_error(tmp_path: Path) -> None:
+def test_other_files_than_pictures_are_an_error(tmp_path: Path) -> None:
     (tmp_path / "picture.exr").write_bytes(b"not an image")
     with pytest.raises(DataError, match="not what Blender was asked to write"):
         read_passes(tmp_path / "picture.exr")
@@ -75,14 +75,14 @@ def test_a_material_that_is_not_understood_has_blender_s_diffuse_colour_and_no_r
     assert found.roughness is None
 
 
-def test_where_nothing_is_there_is_nothing() -> None:
+def test_maps_are_zero_without_coverage() -> None:
     found = maps_of(passes(4, 0.0))
     for name in ("image", "alpha", "direct", "indirect", "incident_indirect", "albedo", "normal", "depth"):
         assert not getattr(found, name).any(), name
     assert found.roughness is not None
 
 
-def test_light_that_no_pass_holds_is_told() -> None:
+def test_light_missing_from_the_passes_shows_in_closure() -> None:
     made = passes()
     made["Combined"][1, 1, 0] += 0.125
     assert maps_of(made).closure == pytest.approx(0.125, rel=1e-5)

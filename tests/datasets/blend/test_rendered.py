@@ -97,7 +97,7 @@ def test_the_brightest_side_faces_the_bright_texel(blender: Blender, lights: Pat
     assert shade[wanted > 0.98].mean() == pytest.approx(0.99 * peak, rel=0.05)
 
 
-def test_a_dielectric_is_said_by_its_principled_material(blender: Blender, lights: Path, tmp_path: Path) -> None:
+def test_a_dielectric_is_read_from_its_principled_material(blender: Blender, lights: Path, tmp_path: Path) -> None:
     maps, _ = taken(blender, ball(specular=1.0), lights, tmp_path, size=24, samples=16)
     whole = maps.alpha[..., 0] > 0.999
     assert maps.roughness[whole] == pytest.approx(0.3, abs=1e-5)

@@ -103,7 +103,7 @@ def test_what_is_written_is_a_sound_scene_with_every_map(asked: Request, tmp_pat
     assert not list((tmp_path / "made").glob(".*"))
 
 
-def test_the_metadata_says_what_was_measured(asked: Request, tmp_path: Path) -> None:
+def test_the_metadata_records_the_measurements(asked: Request, tmp_path: Path) -> None:
     found = write_scene(asked, tmp_path / "made", 1, 1, ignore)
     assert json.loads((tmp_path / "made" / "metadata.json").read_text()) == json.loads(json.dumps(found))
     assert found["energy_of_what_the_brdf_cannot_say"] == {"metallic": pytest.approx(0.25, abs=1e-3)}
@@ -214,7 +214,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
     return command
 
 
-def test_the_command_writes_any_layout_and_says_what_matters(
+def test_the_command_writes_any_layout_and_prints_remarks(
     asked: Request, tmp_path: Path, said: Callable[..., tuple[int, str]]
 ) -> None:
     size = ["--views", "2", "--test", "1", "--size", "16"]

@@ -26,7 +26,7 @@ def principled(**given: Any) -> Node:
     return shader("ShaderNodeBsdfPrincipled", **given)
 
 
-def test_a_dielectric_is_said_whole() -> None:
+def test_a_dielectric_is_translated_completely() -> None:
     assert said(principled()) == ((0.6, 0.4, 0.2), 0.3, {})
 
 
@@ -37,7 +37,7 @@ def test_values_that_vary_are_linked_on() -> None:
 
 @pytest.mark.parametrize("metallic", [0.25, texture(0.25)])
 @pytest.mark.parametrize("colour", [[0.6, 0.4, 0.2, 1.0], texture((0.6, 0.4, 0.2))])
-def test_what_is_metal_has_no_albedo(metallic: float | Socket, colour: list[float] | Socket) -> None:
+def test_metal_has_no_albedo(metallic: float | Socket, colour: list[float] | Socket) -> None:
     albedo, _, features = said(principled(Metallic=metallic, Base_Color=colour))
     assert albedo == pytest.approx((0.45, 0.3, 0.15))
     assert features == {"metallic": 0.25}
@@ -61,7 +61,7 @@ def test_what_is_metal_has_no_albedo(metallic: float | Socket, colour: list[floa
         ({"Normal": texture((0.5, 0.5, 1.0))}, "normal_map", 1.0),
     ],
 )
-def test_what_the_brdf_cannot_say_is_weighed(given: dict[str, Any], feature: str, weight: float) -> None:
+def test_features_outside_the_brdf_get_weights(given: dict[str, Any], feature: str, weight: float) -> None:
     assert said(principled(**given))[2] == {feature: pytest.approx(weight)}
 
 
@@ -80,7 +80,7 @@ def test_a_mixture_is_mixed_in_its_order(share: float | Socket) -> None:
 
 
 @pytest.mark.parametrize(("order", "transparent"), [((0, 1), 0.8), ((1, 0), 0.2)])
-def test_a_cut_out_keeps_the_material_of_what_is_left(order: tuple[int, int], transparent: float) -> None:
+def test_a_cut_out_keeps_the_remaining_material(order: tuple[int, int], transparent: float) -> None:
     parts = [principled(), shader("ShaderNodeBsdfTransparent")]
     first, second = (parts[place] for place in order)
     albedo, roughness, features = said(shader("ShaderNodeMixShader", Fac=0.8, Shader=first, Shader_001=second))
@@ -102,7 +102,7 @@ def test_a_reroute_leads_on_and_an_empty_input_is_black() -> None:
     assert said(shader("ShaderNodeAddShader"))[0] == (0.0, 0.0, 0.0)
 
 
-def test_what_is_not_translated_is_named() -> None:
+def test_untranslated_nodes_are_named() -> None:
     muted = principled()
     muted.mute = True
     with pytest.raises(NotUnderstood, match="ShaderNodeBsdfHair"):

@@ -108,7 +108,7 @@ def test_brdf_samples_average_to_its_quadrature_and_its_density_to_one(roughness
 
 
 @pytest.mark.parametrize("name", ["niche", "knot", "print", "alcove", "sculpture", "crowd"])
-def test_what_mitsuba_evaluates_is_what_the_true_surfaces_say(name: str) -> None:
+def test_mitsuba_evaluates_the_true_surfaces_materials(name: str) -> None:
     """Patterns, and the normals of meshes: at the samples' middles, met from half a millimetre above."""
     import mitsuba as mi
 
@@ -138,7 +138,7 @@ def test_what_mitsuba_evaluates_is_what_the_true_surfaces_say(name: str) -> None
 
 
 @pytest.mark.parametrize("place", [0, 4])
-def test_a_patterned_surface_reflects_what_a_plain_one_of_its_material_does(place: int) -> None:
+def test_a_patterned_surface_reflects_like_plain_ones_of_its_materials(place: int) -> None:
     """A ball with 0 and 1 halves, under an even light: each pixel is one of two plain balls."""
     from radiogs_datasets.generate import render
     from radiogs_datasets.generate.recipe import pinhole
@@ -157,7 +157,7 @@ def test_a_patterned_surface_reflects_what_a_plain_one_of_its_material_does(plac
         np.testing.assert_allclose(patterned[whole], expected[whole], atol=2e-5)
 
 
-def test_a_pixel_has_coverage_where_its_surface_says_so() -> None:
+def test_coverage_agrees_with_the_surface_maps() -> None:
     from radiogs_datasets.generate import render
     from radiogs_datasets.generate.recipe import pinhole
 
@@ -170,7 +170,7 @@ def test_a_pixel_has_coverage_where_its_surface_says_so() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["convex", "knot", "print", "sculpture", "glossware"])
-def test_the_committed_image_is_what_the_generator_renders(name: str, tmp_path: Path) -> None:
+def test_the_generator_reproduces_the_committed_image(name: str, tmp_path: Path) -> None:
     from radiogs_datasets.generate import render, scene_folder
     from radiogs_datasets.generate.recipe import pinhole
 

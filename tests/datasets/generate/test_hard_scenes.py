@@ -1,4 +1,4 @@
-"""Hard scenes show what their names say, and nothing else of the miniature changes."""
+"""Hard scenes have the named condition, and leave the rest of the miniature unchanged."""
 
 import pytest
 import torch

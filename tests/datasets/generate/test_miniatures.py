@@ -1,4 +1,4 @@
-"""The committed scenes hold what their recipes say, as the loader returns it; judged without Mitsuba."""
+"""The committed scenes agree with their recipes as the loader returns them; judged without Mitsuba."""
 
 import json
 import math
@@ -98,7 +98,7 @@ def test_scene_has_its_views_lights_and_maps(scene: Scene) -> None:
 
 
 @pytest.mark.slow
-def test_surface_maps_are_what_closed_form_intersection_finds(scene: Scene) -> None:
+def test_surface_maps_agree_with_closed_form_intersection(scene: Scene) -> None:
     pattern_on_a_curve = np.array(
         [not isinstance(each, Box) and isinstance(each.material, Patterned) for each in RECIPES[scene.name].solids]
     )
@@ -208,7 +208,7 @@ def test_each_scene_shows_the_effect_that_it_is_for(name: str) -> None:
         assert low <= metadata[share] <= high, share
 
 
-def test_the_stated_share_of_indirect_light_is_that_of_the_maps(scene: Scene) -> None:
+def test_the_stated_share_of_indirect_light_agrees_with_the_maps(scene: Scene) -> None:
     sums = [sum(float(view.read(kind).sum()) for view in scene.test) for kind in ("indirect", "direct")]
     metadata = json.loads((TINY / scene.name / "metadata.json").read_text())
     # The maps have half floats, the statement four digits; what is seen beside a solid is not in the maps.
@@ -276,7 +276,7 @@ def test_stored_lights_are_the_procedural_ones(scene: Scene) -> None:
         assert float(error.max()) < 1 / 128  # RGBE: eight bits of the largest channel
 
 
-def test_metadata_says_how_the_scene_was_made(scene: Scene) -> None:
+def test_metadata_records_how_the_scene_was_made(scene: Scene) -> None:
     metadata = json.loads((TINY / scene.name / "metadata.json").read_text())
     assert metadata["scene"] == scene.name
     assert (metadata["samples"], metadata["depth"]) == ({"train": 256, "test": 1024}, 32 if scene.name == "bowl" else 8)

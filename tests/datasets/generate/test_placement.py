@@ -1,4 +1,4 @@
-"""Scenes that float32 cannot hold, names that cannot be stored, and scenes that show too little are said."""
+"""Scenes beyond float32, names that cannot be stored, and scenes that show too little are reported."""
 
 import json
 import math
@@ -156,7 +156,7 @@ def painted(corner: Path, name: str, level: float) -> None:
     write_png(path, image)
 
 
-def test_little_evidence_is_said_by_check(corner: Path) -> None:
+def test_check_warns_of_little_evidence(corner: Path) -> None:
     """Issue 29, item 4: images all black or white, few covered pixels, views twice."""
     painted(corner, "train_001", 0)
     painted(corner, "test_001", 1)
@@ -173,7 +173,7 @@ def test_little_evidence_is_said_by_check(corner: Path) -> None:
     assert len(words) == 4
 
 
-def test_few_views_and_small_images_are_said_on_loading() -> None:
+def test_loading_warns_of_few_views_and_small_images() -> None:
     """Issue 29, item 4: what cameras alone tell is among the repairs, which train and run print."""
     scene = load_scene("corner")
     assert few_views_or_pixels(scene) == ()

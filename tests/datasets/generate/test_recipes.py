@@ -1,4 +1,4 @@
-"""Recipes stand up to what path tracing and the cameras ask of them; no Mitsuba needed."""
+"""Recipes meet the requirements of path tracing and cameras; no Mitsuba needed."""
 
 import itertools
 import math
@@ -98,7 +98,7 @@ def test_lights_are_positive_and_their_lobes_at_least_three_texels_wide() -> Non
             assert 2 * half_width >= 3 * (2 * math.pi / WIDTH)
 
 
-def test_kinds_and_what_may_be_chosen_on() -> None:
+def test_kinds_and_choices_of_the_scenes() -> None:
     kinds = {name: recipe.kind for name, recipe in RECIPES.items() if recipe.kind != "single effects"}
     assert list(kinds) == ["front_plain", "front_patterned", "sculpture", "glossware", "crowd", "lamps"]
     assert len(set(kinds.values())) == 6
@@ -115,7 +115,7 @@ def test_an_unknown_recipe_is_an_error(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("script", ["import no_such_module", "import os; os.abort()"])
-def test_a_mitsuba_that_fails_or_aborts_is_an_error_that_says_what_to_install(
+def test_a_mitsuba_that_fails_or_aborts_is_an_error_naming_what_to_install(
     monkeypatch: pytest.MonkeyPatch, tmp_path, script: str
 ) -> None:
     monkeypatch.setattr(probe, "SCRIPT", script)

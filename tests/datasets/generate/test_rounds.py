@@ -115,7 +115,7 @@ def test_the_triangles_lie_on_the_surface_and_face_where_its_height_grows(solid:
 
 @BOTH
 @pytest.mark.parametrize("margin", [0.0, 0.02])
-def test_what_is_below_the_surface_is_inside(solid: Turned | Relief, margin: float) -> None:
+def test_points_below_the_surface_are_inside(solid: Turned | Relief, margin: float) -> None:
     at = np.random.default_rng(0).uniform(-0.8, 0.8, (20_000, 3)) + solid.centre
     offset = at - np.array(solid.centre)
     found = rounds.inside(solid, torch.from_numpy(at), margin).numpy()
@@ -215,7 +215,7 @@ def test_the_mesh_faces_outwards_and_encloses_the_volume_of_a_tube(corners: torc
     assert area == pytest.approx(2 * math.pi * KNOT.radius * length, rel=0.003)
 
 
-def test_the_normals_of_the_tube_are_those_of_its_triangles(corners: torch.Tensor) -> None:
+def test_the_normals_of_the_tube_agree_with_its_triangles(corners: torch.Tensor) -> None:
     """Also that the tube does not meet itself: each triangle looks away from the nearest point of the curve."""
     middle = corners.mean(1)
     distance, place = cKDTree(knot_curve(KNOT, 20_000)).query(middle.numpy())
@@ -264,7 +264,7 @@ def test_cells_are_smaller_on_the_inside_of_a_bend() -> None:
     assert float(expected.max() / expected.min()) > 1.5
 
 
-def test_what_is_nearer_to_the_curve_than_the_radius_is_inside() -> None:
+def test_points_within_the_radius_of_the_curve_are_inside() -> None:
     at = torch.from_numpy(np.random.default_rng(0).uniform(-1.1, 1.1, (20_000, 3)))
     distance = torch.from_numpy(cKDTree(knot_curve(KNOT, 20_000)).query(at.numpy())[0])
     for margin in (0.0, 0.05):

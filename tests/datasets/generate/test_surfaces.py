@@ -48,7 +48,7 @@ def test_walls_of_a_furnace_face_inwards_emit_light_and_have_no_lobe() -> None:
         assert float(samples.size.prod(-1).sum()) == pytest.approx(6 * (2 * HALF_SIDE) ** 2)
 
 
-def test_what_is_left_of_a_scene_is_its_surfaces() -> None:
+def test_reduced_scenes_keep_their_true_surfaces() -> None:
     whole = load_scene("corner")
     for scene in (every(whole, 4), smaller(whole, 2)):
         assert torch.equal(scene.true_surfaces(0.3).centre, whole.true_surfaces(0.3).centre)

@@ -103,14 +103,14 @@ def require_dots_where_the_camera_says(view: View, least: int) -> None:
         ("FULL_OPENCV", {"camera_model": "FULL_OPENCV"}),
     ],
 )
-def test_points_lie_where_the_camera_says(model: str, extra: dict[str, Any], tmp_path: Path) -> None:
+def test_points_project_to_their_pixels(model: str, extra: dict[str, Any], tmp_path: Path) -> None:
     scene = load_scene(str(capture(tmp_path / "capture", model, extra)))
     for k in range(3):
         require_dots_where_the_camera_says(view_of(scene, k), 4)
 
 
 def test_a_frame_may_have_a_lens_of_its_own(tmp_path: Path) -> None:
-    """Photo 1 is taken by another camera, and photo 2 has another size: both say so."""
+    """Photo 1 is taken by another camera, and photo 2 has another size; each frame states its own lens."""
     folder = capture(tmp_path / "capture", "OPENCV")
     cv2.imwrite(str(folder / "images/01.png"), dots(bent("OPENCV_FISHEYE", LENSES["OPENCV_FISHEYE"], in_camera(1))))
     small = (0.5 * LENSES["PINHOLE"][0], 0.5 * LENSES["PINHOLE"][1], 81.0, 58.0)
@@ -267,7 +267,7 @@ def test_the_fox_is_read_as_it_is(shared_data: Path) -> None:
         ({"k1": 20.0, "k4": 19.8, "camera_model": "FULL_OPENCV"}, ""),
     ],
 )
-def test_calibrations_that_no_lens_has_are_refused_and_odd_ones_said(
+def test_impossible_calibrations_are_refused_and_odd_ones_reported(
     lens: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
     """Captures, row 37: k1 of 46 was sound; structure from motion on cut-outs ends in such numbers."""

@@ -67,7 +67,7 @@ def same_views(scene: Scene, other: Scene, prefix: str = "") -> None:
         (lambda path: path.removesuffix(".png").replace("/", "\\"), "12 written paths are of Windows"),
     ],
 )
-def test_paths_that_can_mean_one_file_are_read_and_said(capture: Path, rename: Callable[[str], str], said: str) -> None:
+def test_unambiguous_paths_are_read_with_a_remark(capture: Path, rename: Callable[[str], str], said: str) -> None:
     """Captures, row 27, and what public files hold: paths from the folder in which the script was run."""
     model = load_scene(str(capture))
     scene = load_scene(str(with_transforms(capture, rename)))
@@ -237,7 +237,7 @@ def posed(folder: Path, outwards: bool, along: bool) -> None:
 
 @pytest.mark.parametrize("along", [False, True])
 def test_rooms_and_streets_are_usable(capture: Path, along: bool) -> None:
-    """Captures, row 32: cameras of a room look outwards, those of a street have no point in common."""
+    """Captures, row 32: cameras of a room look outwards, cameras of a street share no point."""
     posed(capture, outwards=True, along=along)
     report = check_scene(str(capture))
     assert report.sound

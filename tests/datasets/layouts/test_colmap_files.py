@@ -1,4 +1,4 @@
-"""COLMAP's files: binary and text say the same, both as pycolmap reads them, and damage is one clear error."""
+"""COLMAP's files: binary and text forms agree, both with pycolmap, and damage is one clear error."""
 
 import shutil
 import struct
@@ -111,7 +111,7 @@ def test_pycolmap_reads_the_same(scene: Path, text: bool) -> None:
     compare(scene / "sparse", pycolmap)
 
 
-def test_the_statuette_is_what_pycolmap_reads(shared_data: Path) -> None:
+def test_the_statuette_is_read_as_by_pycolmap(shared_data: Path) -> None:
     pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
     model = compare(shared_data / "colmap_statuette/sparse", pycolmap)
     assert (len(model.images), len(model.positions)) == (23, 1443)

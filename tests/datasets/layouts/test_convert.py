@@ -78,7 +78,7 @@ def test_lights_come_back_in_the_same_orientation(
     torch.testing.assert_close(again.training_light.radiance, scene.training_light.radiance, rtol=1e-2, atol=1e-2)
 
 
-def test_what_a_layout_cannot_carry_is_said(scene: Scene, written: dict[str, tuple[Scene, tuple[str, ...]]]) -> None:
+def test_what_a_layout_cannot_store_is_listed(scene: Scene, written: dict[str, tuple[Scene, tuple[str, ...]]]) -> None:
     assert written["tensoir"][1] == ()
     lost = " ".join(written["synthetic4relight"][1])
     for name in ("normal", "depth", "direct", "indirect"):

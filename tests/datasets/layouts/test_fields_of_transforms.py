@@ -76,7 +76,7 @@ def test_a_second_angle_and_a_principal_point_are_applied(tmp_path: Path) -> Non
 def test_a_field_that_could_change_an_image_is_refused_by_name(
     tmp_path: Path, field: str, value: object, in_frame: bool
 ) -> None:
-    """Audit M10 (k5 and others): what is not applied is named, in the file or in one of its frames."""
+    """Audit M10 (k5 and others): unapplied fields are named, in the file or in one of its frames."""
     given = {field: value}
     path = table(tmp_path / "a.json", PIXELS | ({} if in_frame else given), given if in_frame else None)
     with pytest.raises(DataError, match=field):
@@ -84,7 +84,7 @@ def test_a_field_that_could_change_an_image_is_refused_by_name(
 
 
 @pytest.mark.parametrize("nothing", [0, 0.0, None, False, [], [0, 0], ""])
-def test_a_field_that_says_nothing_is_no_reason(tmp_path: Path, nothing: object) -> None:
+def test_an_empty_field_does_not_refuse_a_scene(tmp_path: Path, nothing: object) -> None:
     """Audit M10: writers put all coefficients of their models into every file."""
     assert read_transforms(table(tmp_path / "a.json", PIXELS | {"skew": nothing, "k9": nothing})).said == ()
 
@@ -104,7 +104,7 @@ def test_other_fields_are_listed_and_known_ones_are_not(tmp_path: Path) -> None:
 
 
 def test_focal_lengths_count_where_angles_contradict_them(tmp_path: Path) -> None:
-    """Captures, row 24: fl_x is what other codes take; it is said. Radians and degrees that agree are no reason."""
+    """Captures, row 24: fl_x is used, as by other codes, with a remark. Radians and degrees that agree cause none."""
     agreeing = 2 * math.atan(32 / 50)
     degrees = {"fovx": math.degrees(agreeing), "fovy": math.degrees(2 * math.atan(24 / 50))}
     for fields in ({"camera_angle_x": agreeing}, degrees, {"fovx": agreeing}):
@@ -129,7 +129,7 @@ def test_degrees_alone_are_read_where_they_can_be_nothing_else(tmp_path: Path) -
         read_transforms(table(tmp_path / "b.json", {"fovx": 1.2}))
 
 
-def test_other_names_of_focal_lengths_and_absent_centres_are_read_and_said(tmp_path: Path) -> None:
+def test_other_names_of_focal_lengths_and_absent_centres_are_read_with_remarks(tmp_path: Path) -> None:
     """Captures, kind 5: of 16 public repositories one has fx and fy, one neither cx nor cy."""
     named = {"fx": 50.0, "fy": 51.0, "cx": 30.0, "cy": 25.0, "width": 64, "height": 48}
     path = table(tmp_path / "a.json", named)
@@ -179,7 +179,7 @@ def test_one_factor_of_all_poses_is_divided_out(tmp_path: Path, factor: float, w
 
 
 def test_poses_of_three_rows_are_read(tmp_path: Path) -> None:
-    """A last row of 0 0 0 1 says nothing."""
+    """A last row of 0 0 0 1 carries no information."""
     content = json.loads(table(tmp_path / "a.json", ANGLE).read_text())
     content["frames"][0]["transform_matrix"] = POSE[:3]
     (tmp_path / "a.json").write_text(json.dumps(content))
@@ -198,14 +198,14 @@ def test_poses_of_three_rows_are_read(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_fields_that_name_a_photo_are_passed_over(tmp_path: Path, field: str, value: object) -> None:
-    """Captures, kind 5: their names say that they change nothing that is seen."""
+    """Captures, kind 5: by their names these fields do not affect the image."""
     assert read_transforms(table(tmp_path / "a.json", PIXELS, {field: value})).said == ()
     assert read_transforms(table(tmp_path / "a.json", PIXELS | {field: value})).said == ()
 
 
 @pytest.mark.parametrize("field", ["fl_x", "cx", "w", "k1"])
 @pytest.mark.parametrize("value", ["1" * 320, "Infinity", "NaN", "-Infinity", "1e999"])
-def test_numbers_that_are_none_are_named(tmp_path: Path, field: str, value: str) -> None:
+def test_values_that_are_not_numbers_are_named(tmp_path: Path, field: str, value: str) -> None:
     """Audit M23: integers over 1e308 and w: Infinity ended in tracebacks."""
     path = table(tmp_path / "a.json", PIXELS | {"k1": 0.5, field: 12345})
     path.write_text(path.read_text().replace("12345", value))

@@ -92,7 +92,7 @@ def test_grey_normals_are_no_truth(tmp_path: Path) -> None:
 
 
 def test_pixels_without_a_true_normal_are_not_scored() -> None:
-    """Audit M12: beside a missing direction every prediction has the same error, which says nothing of it."""
+    """Audit M12: without a true direction every prediction has the same error, which means nothing."""
     target = torch.zeros(4, 4, 3)
     target[:2, :, 2] = 1
     mine = torch.zeros(4, 4, 3)

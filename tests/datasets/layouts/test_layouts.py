@@ -1,4 +1,4 @@
-"""Layouts beside TensoIR's: points land on their pixels, damage is one clear error, and assumptions are said."""
+"""Layouts besides TensoIR's: points land on their pixels, damage is one clear error, assumptions are reported."""
 
 import json
 import math
@@ -150,7 +150,7 @@ def test_a_mistake_is_one_clear_error(mistake: str, folder: Callable[[str], Path
     assert len(str(caught.value).splitlines()) <= 3
 
 
-def test_images_without_any_alpha_count_whole_and_it_is_said(folder: Callable[[str], Path]) -> None:
+def test_images_without_any_alpha_count_whole_with_a_remark(folder: Callable[[str], Path]) -> None:
     place = folder(BLENDER)
     for path in place.rglob("*.png"):
         write_png(path, np.full((64, 64, 3), 0.5, np.float32))
@@ -159,7 +159,7 @@ def test_images_without_any_alpha_count_whole_and_it_is_said(folder: Callable[[s
     assert scene.repairs[0] == "no alpha: every pixel counts"
 
 
-def test_a_folder_of_another_kind_is_told_what_was_looked_for(tmp_path: Path) -> None:
+def test_a_folder_of_another_kind_is_refused_with_the_expected_files(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("no scene")
     with pytest.raises(DataError, match=r"rgba.png \(tensoir\); train/<id>_rgb.exr \(synthetic4relight\)"):
         load_scene(str(tmp_path))

@@ -1,4 +1,4 @@
-"""Photos belong to the poses of their names or numbers, and published lists say which are scored."""
+"""Photos are matched with poses by names or numbers, and published lists decide which are scored."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -156,7 +156,7 @@ def test_lists_that_split_nothing_are_refused(capture: Path, files: dict[str, st
     assert "--hold-out 8" in caught.value.remedy
 
 
-def test_names_in_a_list_that_are_no_views_are_said(capture: Path) -> None:
+def test_names_in_a_list_without_a_view_are_listed(capture: Path) -> None:
     (capture / "test_list.txt").write_text(lines([*TEST, "photo_099"]))
     assert "1 of 4 names in test_list.txt are no views of the scene: photo_099.png" in load_scene(str(capture)).repairs
 
@@ -221,7 +221,7 @@ def broken(capture: Path) -> Iterator[tuple[str, list[list[float]], str]]:
     )
 
 
-def test_what_is_wrong_with_a_matrix_is_said(capture: Path) -> None:
+def test_errors_of_a_matrix_are_named(capture: Path) -> None:
     with_transforms(capture, lambda k: f"images/photo_{k:03}.png")
     table = json.loads((capture / "transforms.json").read_text())
     for _, matrix, said in broken(capture):

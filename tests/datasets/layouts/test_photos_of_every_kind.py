@@ -32,7 +32,7 @@ COVERAGE = np.zeros((SIDE, SIDE), np.uint8)
 COVERAGE[4:12, 3:13] = 255
 COVERAGE[4:12, 3] = 128  # a soft edge
 BY_CHANNELS = ([COVERAGE] * 3 + [0 * COVERAGE + 255], [0 * COVERAGE] * 3 + [COVERAGE])
-"""Masks in four channels: opaque ones whose colours say what is covered, and black ones whose alpha does."""
+"""Masks in four channels: opaque ones with coverage in their colours, and black ones with coverage in their alpha."""
 
 
 def pose(number: float) -> NDArray[np.float64]:
@@ -265,7 +265,7 @@ def profile(gamma: float) -> bytes:
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("said_of_colour", ["srgb", "power", "gamma", "cicp"])
-def test_a_mask_is_numbers_whatever_it_says_of_colours(tmp_path: Path, layout: str, said_of_colour: str) -> None:
+def test_a_mask_is_numbers_whatever_its_colour_profile(tmp_path: Path, layout: str, said_of_colour: str) -> None:
     folder = capture(tmp_path / "a", layout, encoded(COLOURS))
     plain = encoded(COVERAGE)
     if said_of_colour in ("srgb", "power"):
@@ -353,7 +353,7 @@ def test_transforms_find_reduced_photos_by_paths_as_written_or_edited(tmp_path: 
 
 @pytest.mark.parametrize("kind", ["png", "npy"])
 @pytest.mark.parametrize("factor", [0.5, 1, 2])
-def test_depth_of_few_pixels_is_left_out_and_of_many_is_that_of_the_nearest(
+def test_coarse_depth_is_left_out_and_fine_depth_sampled_at_the_nearest(
     tmp_path: Path, kind: str, factor: float
 ) -> None:
     folder, side = capture(tmp_path / "a", "blender", encoded(COLOURS)), int(SIDE * factor)
@@ -422,7 +422,7 @@ def test_absent_start_points_stop_nothing(tmp_path: Path, layout: str, points: s
 
 
 @pytest.mark.parametrize("name", ["camera_linear_velocity", "camera_angular_velocity", "pose_acceleration"])
-def test_fields_on_how_the_camera_moved_stop_nothing_and_are_said(tmp_path: Path, name: str) -> None:
+def test_fields_on_the_cameras_motion_are_ignored_with_a_remark(tmp_path: Path, name: str) -> None:
     folder = capture(tmp_path / "a", "blender", encoded(COLOURS))
     scene = rewritten(folder, lambda table: [frame.update({name: [0.1, 0.2, 0.3]}) for frame in table["frames"]])
     assert said(scene, f"not used: {name}")

@@ -24,7 +24,7 @@ def capture(tmp_path: Path) -> Path:
     return write_captures(tmp_path)
 
 
-def test_check_takes_the_angles_of_novel_frames_for_what_they_are(capture: Path) -> None:
+def test_check_accepts_the_angles_of_novel_frames(capture: Path) -> None:
     """``transforms_novel.json`` has no angle of its own, as in the published captures."""
     assert "camera_angle_x" not in json.loads((capture / "transforms_novel.json").read_text())
     report = check_scene(str(capture))

@@ -1,4 +1,4 @@
-"""Environment maps are found where TensoIR's scenes keep them, and point where their convention says."""
+"""Environment maps are found where TensoIR's scenes keep them, in the orientation of their convention."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Scenes made to mislead the harness, beyond those of the audit (docs/reliability.md, "Attacks of our own")."""
+"""Scenes made to mislead the harness, besides the audit's (docs/reliability.md, "Attacks of our own")."""
 
 import json
 import os
@@ -63,7 +63,7 @@ def test_points_are_read_from_regular_files_within_their_size(tmp_path: Path) ->
             read_points(tmp_path / name)
 
 
-def test_an_alpha_of_1_throughout_says_nothing_of_a_mask(tmp_path: Path) -> None:
+def test_a_constant_alpha_of_1_does_not_replace_a_mask(tmp_path: Path) -> None:
     """Attack mask_rgba_opaque: every pixel counted as covered."""
     grey = np.zeros((8, 8, 1), np.float32)
     grey[2:6, 2:6] = 1
@@ -217,7 +217,7 @@ work of finding poses, in a hidden folder named by the checksum of its photos.""
 
 
 def test_folders_are_removed_only_where_they_are_known_to_be_ours() -> None:
-    """``generate`` is among those that remove none; it cannot run without Mitsuba."""
+    """``generate`` is one of the commands that remove no folder; it cannot run without Mitsuba."""
     packages = (radiogs_core, radiogs_datasets, radiogs_bench, radiogs_reports, radiogs_baselines)
     found = [path for each in packages for path in Path(each.__path__[0]).rglob("*.py") if "rmtree" in path.read_text()]
     assert {path.name for path in found} == REMOVES

@@ -1,4 +1,4 @@
-"""A contradiction has a cause only where one explains nearly all of it and what else would is excluded."""
+"""A contradiction has a named cause only if one cause explains nearly all of it and all others are excluded."""
 
 import re
 import shutil
@@ -83,7 +83,7 @@ WRONG_MASKS = r"agree with the cameras: masks are wrong$"
         (lambda look: look, ALL, True, None),
     ],
 )
-def test_outlines_accuse_what_explains_them_and_nothing_that_images_contradict(
+def test_outlines_blame_their_best_cause_unless_images_contradict_it(
     change: Change, views: slice, painted: bool, says: str | None
 ) -> None:
     found = [f"{finding.place}: {finding.what}" for finding in silhouettes(changed(sound(painted), change, views))]
@@ -92,7 +92,7 @@ def test_outlines_accuse_what_explains_them_and_nothing_that_images_contradict(
 
 
 @pytest.mark.parametrize(("azimuth", "named"), [(86.0, False), (30.0, True)])
-def test_a_camera_that_a_convention_hardly_moves_is_not_said_to_be_mirrored(azimuth: float, named: bool) -> None:
+def test_a_camera_that_a_convention_hardly_moves_is_not_called_mirrored(azimuth: float, named: bool) -> None:
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_euler("xz", [-100, azimuth + 90], degrees=True).as_matrix()
     pose[:3, 3] = -4 * pose[:3, 2]
@@ -177,7 +177,7 @@ SET: Mapping[str, tuple[Callable[[Path], None], str]] = {
     "all rotations about the vertical": (turned_world, "^$"),
     "albedo of another scene": (strangers_albedo, "^albedo: .*contradict"),
 }  # fmt: skip
-"""Injuries, and the words of a finding that names them; ``^$`` where no cause is one of the usual mistakes."""
+"""Injuries, and the words of the finding that names them; ``^$`` if no cause is a known mistake."""
 
 
 @pytest.mark.slow

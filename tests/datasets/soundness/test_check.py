@@ -75,7 +75,7 @@ def test_mixed_bits_and_lights_without_a_map_are_remarked_on(corner: Path) -> No
     assert places(corner) == set()
 
 
-def test_the_command_prints_json_and_says_by_its_code(corner: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_json_and_sets_its_exit_code(corner: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["datasets", "check", str(corner), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"scene": str(corner), "sound": True, "findings": []}
     (corner / "train_000/rgba.png").write_bytes(b"")
@@ -88,7 +88,7 @@ def test_the_command_prints_json_and_says_by_its_code(corner: Path, capsys: pyte
 
 
 @pytest.mark.slow
-def test_the_command_converts_and_says_what_is_lost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_converts_and_lists_what_is_lost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "new"
     assert main(["datasets", "convert", "convex", "--to", "blender", "--out", str(folder)]) == 0
     said = capsys.readouterr().out
@@ -153,11 +153,11 @@ def test_levels_are_looked_at_as_values_are(capture: Path, large: SceneOptions) 
 
 
 WAVE = np.indices((96, 96)).sum(0)[..., None] % 2 * np.array([20, 20, 20])
-"""Pixels whose mean in each block of a JPEG is that of their opposites."""
+"""Pixels that alternate so that each JPEG block has the same mean as their negatives."""
 
 
 def in_jpegs(capture: Path) -> None:
-    """Turn a capture's photos into JPEGs, some of which say little, are equal, nearly equal or damaged."""
+    """Turn a capture's photos into JPEGs, some of them nearly uniform, equal, nearly equal or damaged."""
     images, masks = capture / "images", capture.parent / "kept_masks"
     noise, square = np.random.default_rng(0).integers(0, 256, (96, 96, 3)), np.zeros((96, 96, 1))
     square[16:64, 24:72] = 1

@@ -1,4 +1,4 @@
-"""The deep check is silent on sound scenes, and names what contradicts itself in injured ones."""
+"""The deep check is silent on sound scenes, and names the contradiction in injured ones."""
 
 import json
 import re
@@ -123,7 +123,7 @@ def test_a_sound_scene_has_no_finding_by_shape_or_radiance() -> None:
 @pytest.mark.parametrize(
     ("command", "trains"), [("run ablations --rows ours --scenes", (run, "run_cells")), ("train", (api, "trained"))]
 )
-def test_contradictions_of_outlines_are_said_before_training(
+def test_contradictions_of_outlines_are_reported_before_training(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -146,7 +146,7 @@ def test_contradictions_of_outlines_are_said_before_training(
 
 
 @pytest.mark.slow
-def test_nothing_is_said_of_sound_scenes_whatever_their_size(tmp_path: Path) -> None:
+def test_sound_scenes_of_any_size_have_no_findings(tmp_path: Path) -> None:
     copy = tmp_path / "wire"
     shutil.copytree(TINY / "wire", copy)
     lines: list[str] = []

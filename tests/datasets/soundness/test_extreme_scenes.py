@@ -197,11 +197,11 @@ REFUSED: Mapping[str, tuple[Change, str]] = {
         lambda f: (first("train", 2)(f), posed(placed(1e30, 0, 0), ONE)(f)), "out of proportion: train_001"),
     "far from the origin": (posed(lambda pose: pose[:3, 3].__iadd__(1e5)), "world units from the origin"),
 }  # fmt: skip
-"""Changes of the whole scene's files, and what the error says is wrong."""
+"""Changes of the whole scene's files, and the error that each causes."""
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_an_extreme_scene_is_refused_with_what_why_and_what_next(
+def test_an_extreme_scene_is_refused_with_cause_and_remedy(
     ball: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change, says = REFUSED[name]
@@ -228,7 +228,7 @@ READ: Mapping[str, tuple[Change, str]] = {
     "cameras within the object": (scaled(0.1), NOTHING),
     "a camera in the middle": (posed(placed(0, 0, 0), ONE), "train_001: its outline contradicts"),
 }  # fmt: skip
-"""Changes of the whole scene's files, and what a check says of them (``NOTHING``: what it says of any such scene)."""
+"""Changes of the whole scene's files, and the check's findings (``NOTHING``: its findings on any such scene)."""
 
 
 @pytest.mark.parametrize("name", READ)

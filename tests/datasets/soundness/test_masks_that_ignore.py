@@ -1,4 +1,4 @@
-"""Masks whose black pixels are left out: how they are asked for, read, reduced and scored, and what the check says."""
+"""Masks whose black pixels are ignored: option, reading, reduction, scoring, and findings of the check."""
 
 import json
 import math
@@ -91,7 +91,7 @@ def test_an_alpha_stays_coverage_beside_masks_that_leave_out(capture: Path) -> N
     assert "alpha is 1 in all of its photos, which says nothing" in whole.repairs
 
 
-def test_a_transforms_file_may_say_what_black_means(capture: Path) -> None:
+def test_a_transforms_file_may_state_the_meaning_of_black(capture: Path) -> None:
     views = load_scene(str(capture)).train
     shutil.copytree(capture.parent / "holes", capture / "holes")
     table = {"fl_x": 131.9, "fl_y": 131.9, "cx": 48, "cy": 48, "w": 96, "h": 96, "masks": "ignore", "frames": []}
@@ -168,7 +168,7 @@ def said(folder: Path, options: SceneOptions) -> list[str]:
     return [finding.what for finding in check_scene(str(folder), options).findings if "coverage" in finding.what]
 
 
-def test_the_check_asks_what_black_means_where_it_is_not_said(capture: Path) -> None:
+def test_the_check_asks_for_the_meaning_of_black_if_unstated(capture: Path) -> None:
     options = opened(capture)
     (question,) = said(capture, replace(options, masks=None))
     assert "--masks ignore" in question
@@ -176,7 +176,7 @@ def test_the_check_asks_what_black_means_where_it_is_not_said(capture: Path) -> 
     assert said(capture, options) == said(capture, replace(options, masks="object")) == []
 
 
-def test_inverted_masks_are_warned_of_and_those_of_an_object_are_not(tmp_path: Path) -> None:
+def test_inverted_masks_cause_a_warning_and_an_objects_masks_none(tmp_path: Path) -> None:
     folder = write_capture(tmp_path / "capture", every=6)
     masks = SceneOptions(mask_folder=str(folder / "masks"))
     assert said(folder, masks) == []
@@ -188,7 +188,7 @@ def test_inverted_masks_are_warned_of_and_those_of_an_object_are_not(tmp_path: P
 
 @pytest.mark.parametrize("level", [0, 255, 90])
 def test_a_flat_ground_without_masks_is_warned_of(capture: Path, level: int) -> None:
-    """The made capture has a wall of one grey; its photos with noise, as of a real wall, are no such ground."""
+    """The made capture has a wall of one grey; its photos with noise, as of a real wall, are not uniform."""
 
     def grounds() -> list[str]:
         findings = check_scene(str(capture)).findings

@@ -1,7 +1,7 @@
 """Sound captures, changed at random in names, splits, sizes, modes and poses: read as they were made, or refused.
 
-The truth comes from the generator alone: the colour of a photo says which view it is, and its camera's place is a
-function of that.
+The truth comes from the generator alone: the colour of a photo encodes its view, and its camera's place is a function
+of the view.
 """
 
 import json

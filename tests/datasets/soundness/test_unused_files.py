@@ -1,4 +1,4 @@
-"""Each kind of file that is not used is said in a sentence, and nothing is said where all are used."""
+"""Each kind of unused file is reported in a sentence; there is no sentence if all files are used."""
 
 import shutil
 from pathlib import Path
@@ -33,7 +33,7 @@ def model(folder: Path, place: str, chosen: slice) -> None:
     (folder / place / "images.txt").write_text("".join(f"{pose}\n\n" for pose in poses if pose))
 
 
-def test_nothing_is_said_where_all_is_used(capture: Path) -> None:
+def test_a_scene_without_unused_files_has_no_remark(capture: Path) -> None:
     assert said(capture) == []
 
 

@@ -72,7 +72,7 @@ def test_bracketed_training_poses_do_not_make_the_spacing_zero(corner: Scene) ->
 
 @pytest.fixture
 def repeated(tmp_path: Path) -> Path:
-    """``corner`` with two test views that are training views, one of them with other pixels."""
+    """``corner`` with two test views that are also training views, one of them with other pixels."""
     folder = Path(shutil.copytree(TINY / "corner", tmp_path / "repeated"))
     train, test = (json.loads((folder / f"transforms_{split}.json").read_text()) for split in ("train", "test"))
     for place in (0, 1):
@@ -92,7 +92,7 @@ def test_an_image_of_training_is_known_by_its_pixels_when_its_bytes_differ(repea
     assert said == f"2 of 8 {NOT_NEW}: a training view has their image: test_000 (train_000), test_002 (train_002)"
 
 
-def test_views_that_are_not_new_are_said_by_check_and_in_the_tables_remarks(repeated: Path) -> None:
+def test_check_and_remarks_name_test_views_that_are_not_new(repeated: Path) -> None:
     image, pose = (said for said in load_scene(str(repeated)).repairs if NOT_NEW in said)
     assert pose.startswith(f"2 of 8 {NOT_NEW}: a training view has their pose: test_000 (train_000), test_001")
     assert image == f"1 of 8 {NOT_NEW}: a training view has their image: test_000 (train_000)"
@@ -221,7 +221,7 @@ Change = Callable[[Path], object]
         (lambda f: (f / "transforms_train.json").write_text("{}"), "Correct the file"),
     ],
 )
-def test_check_says_what_to_do_next(tmp_path: Path, change: Change, remedy: str) -> None:
+def test_check_prints_the_next_step(tmp_path: Path, change: Change, remedy: str) -> None:
     folder = Path(shutil.copytree(TINY / "corner", tmp_path / "corner"))
     change(folder)
     errors = [each.what for each in check_scene(str(folder)).findings if each.severity == "error"]

@@ -77,7 +77,7 @@ def test_exr_channels_go_by_their_names(tmp_path: Path, names: Iterable[str], wa
     "names",
     ["RA", "RG", "GB", "PQ", ["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"], ["Y", "RY", "BY"], ["Y", "a.R", "a.G", "a.B"]],
 )
-def test_exr_channels_that_do_not_tell_the_image_are_refused_by_name(tmp_path: Path, names: Iterable[str]) -> None:
+def test_ambiguous_exr_channels_are_refused_by_name(tmp_path: Path, names: Iterable[str]) -> None:
     """Audit M2: R and A without G and B were read as an image of two channels."""
     with pytest.raises(DataError, match="channels") as caught:
         read_exr(exr(tmp_path / "a.exr", names))
@@ -163,7 +163,7 @@ def test_damage_within_a_jpegs_scan_is_an_error(tmp_path: Path, capfd: pytest.Ca
     assert capfd.readouterr().err == ""
 
 
-def test_what_others_print_while_a_jpeg_is_decoded_is_not_lost(
+def test_output_of_others_while_a_jpeg_is_decoded_is_not_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Audit M14: libjpeg's warnings are read from standard error, which others use as well."""
@@ -197,7 +197,7 @@ def test_damaged_pixels_of_an_exr_are_an_error_and_nothing_is_printed(
     assert capfd.readouterr() == ("", "")
 
 
-def test_what_openexr_complains_of_is_an_error_even_if_it_returns_pixels(
+def test_openexrs_complaints_are_errors_even_if_it_returns_pixels(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     write_exr(tmp_path / "a.exr", np.ones((4, 4, 3), np.float32))
@@ -241,7 +241,7 @@ def test_colours_that_are_not_srgb_are_refused_by_name(tmp_path: Path, said: byt
         read_image(png_with(tmp_path / "a.png", said))
 
 
-def test_colours_that_say_they_are_srgb_are_read_as_they_are(tmp_path: Path) -> None:
+def test_images_marked_as_srgb_are_read_unchanged(tmp_path: Path) -> None:
     """Issue 29, item 1: most encoders write these; an sRGB chunk or profile goes before gAMA."""
     srgb = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
     primaries = chunk(b"cHRM", numbers(31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000))
@@ -281,7 +281,7 @@ def test_a_profile_that_is_not_srgb_is_applied(tmp_path: Path) -> None:
         read_image(tmp_path / "deep.png")
 
 
-def test_a_grey_image_with_a_colour_profile_is_read_where_its_greys_are_those_of_srgb(
+def test_a_grey_image_with_an_srgb_like_colour_profile_is_read(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Pillow keeps a photo's profile in the grey mask made of it: 66 masks of a public capture were refused for it."""
@@ -383,7 +383,7 @@ def test_json_is_bounded(tmp_path: Path, text: str, what: str) -> None:
 
 
 def test_brackets_within_text_are_no_depth(tmp_path: Path) -> None:
-    """Audit M23: the bound counts open brackets, not those that are quoted."""
+    """Audit M23: the bound counts open brackets, but not quoted ones."""
     (tmp_path / "a.json").write_text('["' + "[" * 1000 + '\\"{[", "\\ud83d\\ude00", ' + "[[1, 2.5]], " * 500 + "0]")
     assert read_json(tmp_path / "a.json")[:2] == ["[" * 1000 + '"{[', "\U0001f600"]
 

@@ -1,4 +1,4 @@
-"""Every guard is told in one place, counts itself where it says so, and stays silent on a sound scene."""
+"""Every guard is documented in one place, counts itself where documented, and stays silent on a sound scene."""
 
 import ast
 import re

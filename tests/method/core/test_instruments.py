@@ -53,7 +53,7 @@ def test_a_recording_ends_with_the_exception_that_ended_it() -> None:
     assert current() is None
 
 
-def test_what_was_stored_is_gone_on_from() -> None:
+def test_a_stored_recording_is_continued() -> None:
     with recording() as whole:
         count(rays=1)
         with part("probe"):

@@ -150,7 +150,7 @@ def irradiance(from_light: float, count: int, samples: int) -> Tensor:
 
 @pytest.mark.slow
 def test_directions_in_training_are_unbiased() -> None:
-    """Fixed heights, 4 of them, are 2 % off here."""
+    """4 fixed heights would be 2 % off here."""
     found = irradiance(0.5, 20_000, 8)
     exact = irradiance(0.5, 20, 200_000).mean()
     assert abs(float(found.mean() / exact) - 1) < 4 * float((found / exact).std()) / 20_000**0.5

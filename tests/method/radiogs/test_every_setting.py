@@ -38,7 +38,7 @@ def numbers() -> list[str]:
 
 
 def as_long_as(value: Any, number: float) -> Any:
-    """A number in the form of a setting's value: a list of it for a list, a whole number for a whole number."""
+    """A number in the type of a setting's value: a list for a list, a whole number for a whole number."""
     if isinstance(value, tuple):
         return [number] * len(value)
     return int(number) if isinstance(value, int) else float(number)
@@ -60,7 +60,7 @@ def refusal(name: str, number: float) -> str:
 
 
 def assert_trains_or_is_refused(name: str, number: float) -> None:
-    """A refusal names the setting, or says that a threshold has left no surfel."""
+    """A refusal names the setting, or states that a threshold has left no surfel."""
     said = refusal(name, number)
     assert not said or name.rpartition(".")[2] in said or "no surfel is left" in said
 

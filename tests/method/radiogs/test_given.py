@@ -130,7 +130,7 @@ def test_given_light_has_its_own_resolution_and_raised_zeros(initialised: dict[s
 
 
 @pytest.mark.parametrize("with_geometry", [False, True])
-def test_given_materials_are_those_of_the_nearest_true_surface(with_geometry: bool) -> None:
+def test_given_materials_come_from_the_nearest_true_surface(with_geometry: bool) -> None:
     start = start_of(learnt((-1.0, 0.0, 0.0), (1.0, 0.1, 0.0), (-0.7, 0.5, 0.2)))
     given = with_given_parts(start, ("geometry", "albedo") if with_geometry else ("albedo",), KNOWN, 0).surfels
     for surface, side in ((LEFT, given.centre[:, 0] < 0), (RIGHT, given.centre[:, 0] > 0)):

@@ -135,7 +135,7 @@ def test_a_sun_is_the_disc_of_a_sun_in_a_map_with_all_bounces() -> None:
 
 @pytest.mark.parametrize("turn", [0.0, 70.0])
 @pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (0.0, -0.6, 0.8)])
-def test_a_sun_stands_where_its_texel_stands_in_a_turned_map(up: tuple[float, ...], turn: float) -> None:
+def test_a_sun_moves_like_its_texel_in_a_turned_map(up: tuple[float, ...], turn: float) -> None:
     row, column, height = 40, 30, 128
     texels = torch.zeros(height, 2 * height, 3)
     texels[row, column] = 1.0

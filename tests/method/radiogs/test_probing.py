@@ -142,7 +142,7 @@ def real_sun() -> torch.Tensor:
 
 LIGHTS = ((even, "off"), (one_texel, "on"), (real_sun, "on"))
 """Lights with the expected verdict about light sampling. On ``mirror`` the lobe of a smooth ball gains a little from
-any additional directions, also from those of an even light."""
+any additional directions, also with an even light."""
 
 
 @pytest.mark.slow
@@ -191,7 +191,7 @@ def test_the_number_of_bounces_follows_from_the_decay() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_relighting_by_a_sun_of_half_a_degree_keeps_its_shadow(seed: int) -> None:
-    """One of 94 000 directions over a hemisphere hits the sun: a probe has to draw directions from the light too."""
+    """One of 94 000 directions over a hemisphere hits the sun: a probe must also draw directions from the light."""
     radiance, sun = sun_and_sky(512)
     light = EnvironmentMap(radiance)
     scene, found = relighting_findings(run("occluder", seed), None, light)

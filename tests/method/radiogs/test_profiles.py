@@ -1,8 +1,8 @@
 """The expected training gradient of the shaded image is zero at the truth, however few directions a surfel has.
 
 Each test changes one thing over the whole ball (its albedo, its roughness, the light) with all else true, and finds
-where the mean gradient over many draws of directions is zero. The images are those of the same surfels along many
-more directions, so that nothing but the noise of a step's directions can move that place.
+where the mean gradient over many draws of directions is zero. The images are shaded from the same surfels along many
+more directions, so that only the noise of a step's directions can move the zero.
 """
 
 import math
@@ -48,7 +48,7 @@ def truth() -> dict[str, Tensor]:
 
 
 def stage_with(samples: int, directions: IncidentDirections, light_learns: bool = False) -> InverseRendering:
-    """Stage 2 at the truth, whose only loss is that of the shaded image."""
+    """Stage 2 at the truth, with the shaded image's loss alone."""
     none = dict.fromkeys(("normal", "mask", "normal_smoothness", "albedo_smoothness", "roughness_smoothness"), 0.0)
     weights = replace(MaterialWeights(), light_prior=0.0, light_smoothness=0.0, **none)
     materials = replace(MaterialLearning(), weights=weights, directions=directions)
@@ -103,7 +103,7 @@ def moved(name: str, raw: Tensor, shift: float) -> Tensor:
 
 
 def per_logarithm(name: str, raw: Tensor) -> Tensor:
-    """Derivative of the raw parameter by the logarithm of what it stands for."""
+    """Derivative of the raw parameter by the logarithm of its activated value."""
     if name == "albedo_logit":
         return 1 / (1 - raw.sigmoid())
     if name == "roughness_logit":

@@ -20,11 +20,11 @@ from radiogs_core.plain_values import value_at, with_values
 from radiogs_datasets.registry import LAYOUTS
 
 LENGTH_POWER, ROUGHNESS_POWER = "materials.rates.length_power", "materials.rates.roughness_length_power"
-"""The fields that neither paper nor code has a value for: both have runs of one length."""
+"""The fields without a value in paper and code, whose runs have one length."""
 
 
 HULL = "geometry.start.points"
-"""The one field whose value in ``printed`` is neither the paper's, which says nothing, nor the code's."""
+"""The one field whose value in ``printed`` is neither the paper's, which states none, nor the code's."""
 
 
 def listed() -> list[Constant]:
@@ -50,7 +50,7 @@ def test_every_value_of_a_recipe_is_a_listed_constant() -> None:
     assert {f"deviations.{name}" for name in DEVIATIONS} <= set(fields)
 
 
-def test_what_no_recipe_reproduces_has_its_reason() -> None:
+def test_constants_outside_all_recipes_have_a_reason() -> None:
     left_out = [each for each in CONSTANTS if not each.field]
     assert left_out
     assert all(each.remark and (each.paper or each.code) for each in left_out)
@@ -177,7 +177,7 @@ def test_a_released_run_is_known_by_the_values_of_its_scenes_script(layout: str,
     )
 
 
-def test_the_length_is_said_with_the_factors_of_rates_unless_it_is_the_papers() -> None:
+def test_a_label_states_length_and_rate_factors_unless_it_is_the_papers() -> None:
     printed = with_values(Variant(), PRINTED)
     small = labels_of(printed, PRESETS["small"], "generated", "corner")["length"]
     assert small.startswith("5,000 + 3,000 steps (paper: 40,000 + 20,000)")

@@ -304,7 +304,7 @@ def test_distortion_and_consistency_do_not_count_at_the_start() -> None:
 
 
 def test_degrees_of_harmonics_begin_at_their_shares_of_the_stage() -> None:
-    """Before its share of the stage, a degree is neither rendered nor learnt."""
+    """Before its share of the stage, a degree is not rendered and not learnt."""
     schedule = GeometrySchedule(degrees_from=(0.2, 0.4, 0.6))
     variant = Variant(geometry=GeometryLearning(schedule=schedule))
     sh = BALL.sh.clone()
@@ -514,7 +514,7 @@ def assert_rays_follow_their_deviations(
     """The deviations change visibility and directions, for tilted surfels that occlude each other.
 
     An offset of 0.05 is smaller than their standard deviation. All directions are spread over the hemisphere, because
-    those drawn from the light have no floor.
+    directions drawn from the light have no floor.
     """
     surfels, found = tilted(35.0), {}
     materials = replace(MaterialLearning(), directions=IncidentDirections(from_light=0.0, sets=1))

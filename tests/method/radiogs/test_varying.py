@@ -122,7 +122,7 @@ def test_determined_quantities_are_distinguished_from_undetermined_ones(
     assert margin > 1.5 if expected else margin < 1, "too near the threshold to be a test"
 
 
-def test_what_everything_else_can_hide_is_at_most_what_albedo_hides() -> None:
+def test_the_free_rise_is_at_most_the_rise_with_free_albedo() -> None:
     for case in ("glossy ball, sun", "half shiny ball, sun", "open box, constant light"):
         for quantity, record in found(case).items():
             assert record["rise_free"] <= record["rise"], (case, quantity)
@@ -151,7 +151,7 @@ def single(of: Nuisance, part: str) -> torch.Tensor:
 
 
 @pytest.mark.parametrize("part", ["albedo", "roughness", "slope", "light"])
-def test_the_jacobian_is_that_of_the_rendered_images(part: str) -> None:
+def test_the_jacobian_agrees_with_rendered_images(part: str) -> None:
     of = nuisance("brightness" if part == "light" else "roughness variation")
     answer = single(of, part)
     here = torch.stack(of.images(0.0, of.like))
@@ -213,7 +213,7 @@ def test_without_a_change_the_images_equal_those_of_evaluation() -> None:
                 torch.testing.assert_close(image, prepared.render(camera)["image"], atol=2e-5, rtol=0)
 
 
-def test_images_without_lobes_equal_those_of_evaluation() -> None:
+def test_images_without_lobes_equal_the_evaluations() -> None:
     """The diffuse part includes the energy of the missing lobe, which does not grow with albedo."""
     plan = replace(EffectPlan(), specular=False)
     run = Run(sphere_scene(1, SIZE), Variant(), BUDGET, 0, CPU)

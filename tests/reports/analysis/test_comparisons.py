@@ -1,4 +1,4 @@
-"""Comparisons of rows: resolved differences, the rate of false ones, and the smallest one that a table could show."""
+"""Comparisons of rows: resolved differences, the rate of false ones, and the smallest resolvable difference."""
 
 from collections.abc import Mapping
 from typing import get_args
@@ -19,7 +19,7 @@ def seeds(*values: float) -> Sample:
 
 
 LEVELS = (30.0, 33.0, 36.0)
-"""By seed: far apart, so that only pairs resolve a decibel."""
+"""By seed; the levels are so far apart that only paired differences resolve a decibel."""
 
 
 def shifted(*by: float) -> Sample:
@@ -157,7 +157,7 @@ def test_a_plan_predicts_the_smallest_difference_of_its_runs() -> None:
     assert np.sqrt(np.mean(squares)) == pytest.approx(expected_difference(plan, PARTS, 1), rel=0.1)
 
 
-def test_more_scenes_resolve_what_more_seeds_cannot() -> None:
+def test_more_scenes_resolve_more_than_more_seeds() -> None:
     plan = Plan(1, 4, 3)
     now = expected_difference(plan, PARTS, 5)
     assert now is not None
@@ -169,7 +169,7 @@ def test_more_scenes_resolve_what_more_seeds_cannot() -> None:
     assert needed(now / 2, plan, PARTS, 5, "seeds") is None
 
 
-def test_more_kinds_resolve_what_scenes_of_unknown_spread_cannot() -> None:
+def test_more_kinds_suffice_where_the_spread_of_scenes_is_unknown() -> None:
     parts: dict[Level, float] = {"kinds": 1.0}
     plan = Plan(2, 1, 1)
     kinds = needed(0.5, plan, parts, 1, "kinds")
@@ -185,7 +185,7 @@ def test_a_plan_is_silent_where_the_stored_spread_is() -> None:
     assert smallest_difference({}) is None
 
 
-def test_the_smallest_difference_is_that_of_the_typical_row() -> None:
+def test_the_smallest_difference_is_the_typical_rows() -> None:
     rows = {
         "ours": shifted(0, 0, 0),
         "calm": shifted(0.1, 0, 0.1),

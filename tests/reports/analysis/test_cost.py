@@ -121,7 +121,7 @@ def test_a_single_seed_gives_no_interval() -> None:
     assert not any("±" in each for each in sentences)
 
 
-def test_the_gain_of_the_second_half_is_that_of_the_trails() -> None:
+def test_the_gain_of_the_second_half_agrees_with_the_trails() -> None:
     """Made-up trails were scored after 1, 2, 4 and 8 steps of 0.25 s, a decibel better each time, after 4 s."""
     (sentence,) = [each for each in report_of(made_up()).sentences if each.startswith("The second half")]
     assert "NVS PSNR +1.00 ± 0.00 dB, Normal MAE -1.00 ± 0.00 degrees" in sentence

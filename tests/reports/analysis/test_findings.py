@@ -67,7 +67,7 @@ BY_ROW = [
 ]
 
 
-def test_the_sentences_say_what_is_resolved_and_what_the_run_could_have_shown() -> None:
+def test_the_sentences_list_resolved_and_resolvable_differences() -> None:
     counts, how_to_read, paper, *rows = sentences(three_rows())
     assert counts == (
         "2 of 4 differences are resolved (larger than chance explains); the paper's sign holds in 1, does not hold in"
@@ -176,7 +176,7 @@ def test_a_difference_that_a_footnote_concerns_is_left_out_as_the_table_leaves_o
     assert last == "Left out, because a footnote of this run concerns them: 1 difference of NVS PSNR."
 
 
-def test_rows_that_are_compared_with_none_of_them_have_no_findings() -> None:
+def test_rows_without_a_reference_row_have_no_findings() -> None:
     made = summary()
     made["reference"] = None
     assert findings(made) == []

@@ -50,7 +50,7 @@ def made_up() -> Summary:
     return made
 
 
-def test_rows_are_told_by_what_they_were_made_from() -> None:
+def test_rows_are_recognised_by_the_content_of_their_keys() -> None:
     made = made_up()
     found = [(each.row, each.iterations) for each in tunings(made)]
     assert found == [("surfels-2", 4), ("surfels-8", 16), ("rays-2", 2), ("rays-8", 8)]
@@ -60,7 +60,7 @@ def test_rows_are_told_by_what_they_were_made_from() -> None:
     assert tunings(made) == []
 
 
-def test_modes_are_those_that_the_run_recorded_of_the_method() -> None:
+def test_modes_come_from_the_runs_record_of_the_method() -> None:
     """Fields may be nested, and modes have any names."""
     made = made_up()
     for each in made["runs"]:
@@ -138,7 +138,7 @@ def test_points_of_the_crossover_lie_on_both_lines(tmp_path: Path) -> None:
     assert "8 iterations: never ahead" in labels
 
 
-def test_pictures_stand_by_iterations_with_what_they_are_compared_with(tmp_path: Path) -> None:
+def test_pictures_are_ordered_by_iterations_and_end_with_the_references(tmp_path: Path) -> None:
     made = made_up()
     (figure,) = [
         each.figure for each in finetuning_figures(made, write_run(tmp_path, made)) if each.name.startswith("my_scene")

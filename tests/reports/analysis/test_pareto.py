@@ -1,4 +1,4 @@
-"""The Pareto front holds the rows that are resolved to be better, and to cost more, than the cheaper ones of them."""
+"""The Pareto front holds the rows that are resolved to be better and costlier than the front's cheaper rows."""
 
 import random
 
@@ -20,7 +20,7 @@ def alike(count: int) -> list[Sample]:
 
 
 @pytest.mark.parametrize("units", [1, 3])
-def test_without_two_rows_that_are_told_apart_there_is_no_front(units: int) -> None:
+def test_without_two_resolved_rows_there_is_no_front(units: int) -> None:
     """A line through single values, or through the cheapest row alone, would be one through noise."""
     noise = [seeds(30.0, 31.0, 32.0), seeds(30.5, 30.9, 32.2), seeds(31.9, 30.0, 31.2)]
     costs, qualities = ([seeds(*list(each.values())[:units]) for each in made] for made in (alike(3), noise))
@@ -29,7 +29,7 @@ def test_without_two_rows_that_are_told_apart_there_is_no_front(units: int) -> N
 
 
 def test_the_front_holds_the_rows_that_are_resolved_to_be_better_and_to_cost_more() -> None:
-    """The tests of all pairs of 30 rows of known order, with little noise, say what the order says."""
+    """For 30 rows of known order and little noise, the tests of all pairs give this order."""
     generator = random.Random(0)
     order = generator.sample(range(30), 30)
     samples = [seeds(*(10.0 * place + noise for noise in (-0.1, 0.0, 0.11))) for place in order]

@@ -85,7 +85,7 @@ def test_one_value_has_no_interval_and_none_has_no_mean() -> None:
     assert estimate([2.0]) == Estimate(2.0, None, None, 1)
 
 
-def test_pairing_removes_what_scene_and_seed_add() -> None:
+def test_pairing_removes_effects_of_scene_and_seed() -> None:
     rng = np.random.default_rng(1)
     reference = drawn(rng, 2, 3, 5.0, 30.0)
     sample = {origin: value + 0.1 + 0.01 * float(rng.normal()) for origin, value in reference.items()}

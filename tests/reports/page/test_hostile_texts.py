@@ -81,7 +81,7 @@ def test_no_command_of_latex_comes_from_a_text(reports: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize("latex", LATEX)
-def test_a_label_that_is_more_than_mathematics_gives_way_to_the_text_of_its_row(latex: str) -> None:
+def test_a_label_beyond_mathematics_is_replaced_by_the_rows_text(latex: str) -> None:
     made = summary()
     for row in made["rows"]:
         row["latex"] = latex
@@ -112,7 +112,7 @@ def test_pdflatex_compiles_every_label_that_counts_as_mathematics(tmp_path: Path
 
 
 def test_markdown_has_no_tags_links_or_pictures_and_no_broken_rows(reports: dict[str, str]) -> None:
-    """Audit M29: ``<script>`` stood in it as it was."""
+    """Audit M29: it contained ``<script>`` unescaped."""
     documents = {name: text for name, text in reports.items() if name.endswith(".md")}
     assert {"ablations.md", "tables/strategies.md"} <= documents.keys()
     for name, text in documents.items():

@@ -44,7 +44,7 @@ def test_packed_surfels_are_the_stored_ones() -> None:
     assert (made["count"], made["eye"], made["up"]) == (150, [1, 2, 3], [0, 0, 1])
 
 
-def test_what_relights_surfels_is_packed_as_it_is_stored_and_is_left_out_where_bytes_are_few(tmp_path: Path) -> None:
+def test_data_for_relighting_are_packed_unchanged_or_left_out_if_too_large(tmp_path: Path) -> None:
     made = summary()
     out = write_run(tmp_path, made)
     lit = {

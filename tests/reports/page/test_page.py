@@ -291,7 +291,7 @@ def picture(made: Album, key: str, name: str, side: str, view: int) -> np.ndarra
     return whole[height * down : height * (down + 1), width * across : width * (across + 1)]
 
 
-def test_what_no_entry_has_is_neither_explained_nor_offered(tmp_path: Path) -> None:
+def test_missing_published_values_are_neither_explained_nor_offered(tmp_path: Path) -> None:
     def of_means(made: Summary) -> str:
         text = page(made, Album())
         return text[text.index('id="table-means"') : text.index('id="cells"')]

@@ -1,4 +1,4 @@
-"""Surfels in a window: disks where they should be, the near ones before the far ones, skipped where VTK cannot draw."""
+"""Surfels in a window: disks at their places, near ones before far ones; skipped where VTK cannot draw."""
 
 import subprocess
 import sys

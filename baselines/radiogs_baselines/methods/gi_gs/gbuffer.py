@@ -16,7 +16,7 @@ from ..gs_ir.metallic import MetallicSurfels
 class GBuffer:
     """Surface attributes of the covered pixels; only albedo, roughness and metallic have a gradient.
 
-    Attributes are those of the covered part of each pixel: blended values divided by coverage.
+    Attributes describe the covered part of each pixel: blended values divided by coverage.
     """
 
     camera: Camera
@@ -36,7 +36,7 @@ class GBuffer:
     metallic: Float[Tensor, " points"]
     """Metalness in [0, 1]."""
     depth: Float[Tensor, "height width"]
-    """z-depth of all pixels, world units; infinite where there is no surface."""
+    """z-depth of all pixels, world units; infinite for a pixel without surface."""
 
     def __len__(self) -> int:
         return len(self.pixel)
@@ -50,7 +50,7 @@ class GBuffer:
 def seen_materials(camera: Camera, model: MetallicSurfels, albedo: Float[Tensor, "surfels 3"]) -> Splat:
     """Blend the maps that ``gbuffer`` reads, in one pass; a model without metalness has the metalness 0.
 
-    ``albedo`` is linear; it is a parameter of its own because relighting scales the recovered albedo.
+    ``albedo`` is linear; it is a separate parameter because relighting scales the recovered albedo.
     """
     surfels, metallic = model.surfels, model.metallic
     if metallic is None:

@@ -1,7 +1,7 @@
 """Settings of GI-GS: how much work a run does, how it learns materials and light, and what an ablation changes.
 
-Unless a field says otherwise, defaults are those of the published script, which are GS-IR's; shares of the stage are
-shares of its iterations.
+Unless a field states otherwise, defaults are the published script's, which are GS-IR's; shares of the stage are shares
+of its iterations.
 """
 
 from dataclasses import dataclass, field

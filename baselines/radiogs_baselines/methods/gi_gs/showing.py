@@ -21,7 +21,7 @@ from .settings import PRESETS, Budget, Variant
 from .shading import Shader
 
 SHOWN = {**STANDARD_MAPS, INCIDENT: MapKind("linear")}
-"""Maps under the recovered light; what is incident comes from other pixels alone."""
+"""Maps under the recovered light; incident light comes only from other pixels."""
 
 
 class TrainedGIGS(TrainedOnSurfels[MetallicSurfels, Variant, Budget]):

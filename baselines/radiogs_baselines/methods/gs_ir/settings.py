@@ -1,6 +1,6 @@
 """Settings of GS-IR: how much work a run does, how it learns materials and light, and what an ablation changes.
 
-Unless a field says otherwise, defaults are those of the published scripts for TensoIR's scenes.
+Unless a field states otherwise, defaults are the published scripts' for TensoIR's scenes.
 """
 
 from dataclasses import dataclass, field
@@ -71,7 +71,7 @@ class MaterialRates(NotNegative):
 
 
 TexelAreas = Literal["exact", "approximate"]
-"""Solid angles of texels in the diffuse pre-filter: exact, or those of GS-IR's code, which are 8 % too large."""
+"""Solid angles of texels in the diffuse pre-filter: exact, or as in GS-IR's code, where they are 8 % too large."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Variant(SurfelVariant):
     """Distance from which on geometry does not occlude (the script's 0.25 is 0.055 of TensoIR's); None: no limit."""
     nearest: float = 0.0
     """Distance up to which geometry does not occlude; the published rasterizer skips Gaussians nearer than 0.2, which
-    is 0.044 of TensoIR's."""
+    is 0.044 of the extent of TensoIR's scenes."""
     metallic: bool = False
     """Whether a metalness is learnt, which interpolates F0 between 0.04 and the albedo."""
     texel_areas: TexelAreas = "exact"

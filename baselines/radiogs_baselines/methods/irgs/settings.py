@@ -1,6 +1,6 @@
 """Settings of IRGS: how much work a run does, how it learns materials and light, and what an ablation changes.
 
-Unless a field says otherwise, defaults are those of the published scripts for TensoIR's scenes; shares of the stage are
+Unless a field states otherwise, defaults are the published scripts' for TensoIR's scenes; shares of the stage are
 shares of its iterations.
 """
 

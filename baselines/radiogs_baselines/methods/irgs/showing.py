@@ -38,7 +38,7 @@ class TrainedIRGS(TrainedOnSurfels[LitSurfels, Variant, Budget]):
     def as_trained(self) -> Prepared:
         """Rendering under the recovered light; rays are traced for each image, spread evenly over the hemisphere.
 
-        Indirect light is that of training (``Variant.indirect``). Every point has the same directions in its frame.
+        Indirect light is as in training (``Variant.indirect``). Every point has the same directions in its frame.
         """
         variant, surfels, samples = self.run.variant, self.model.surfels, self.run.budget.render_samples
         tracer = SurfelTracer(surfels).built()

@@ -1,6 +1,6 @@
 """Settings of R3DG: how much work a run does, how it learns materials and light, and what an ablation changes.
 
-Unless a field says otherwise, defaults are those of the published script for Synthetic4Relight.
+Unless a field states otherwise, defaults are the published script's for Synthetic4Relight.
 """
 
 from dataclasses import dataclass, field

@@ -52,7 +52,7 @@ class Box:
         return inside & self.occupied.flatten()[(x * self.cells + y) * self.cells + z]
 
     def narrowed(self, occupied: Bool[Tensor, "cells cells cells"]) -> "Box":
-        """The cube with only those cells occupied that are occupied in both grids."""
+        """The cube with the cells occupied that are occupied in both grids."""
         return Box(self.centre, self.radius, self.occupied & occupied)
 
     def tensors(self) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Settings of TensoIR: how much work a run does, how it learns, and what an ablation changes.
 
-Unless a field says otherwise, defaults are those of the published configurations for one light; shares are shares of
-stage 2's iterations.
+Unless a field states otherwise, defaults are the published configurations' for one light; shares are shares of stage
+2's iterations.
 """
 
 from collections.abc import Mapping

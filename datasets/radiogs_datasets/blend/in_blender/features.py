@@ -2,7 +2,7 @@
 
 FEATURES = ("metallic", "transmission", "transparent", "subsurface", "coat", "sheen", "anisotropic", "other_specular",
             "no_specular", "rough_diffuse", "normal_map", "emissive", "displacement", "volume")  # fmt: skip
-"""Names of the outputs that weigh each of them."""
+"""Names of the outputs (AOVs) that hold the weight of each feature."""
 
 WEIGHTS = {
     "metallic": "Metallic", "transmission": "Transmission Weight", "subsurface": "Subsurface Weight",

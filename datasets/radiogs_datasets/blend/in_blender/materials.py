@@ -1,6 +1,6 @@
 """Materials of the open file as outputs of the renderer (AOVs), written beside each picture.
 
-They are ``albedo``, ``roughness``, z-depth, ``known`` (1 where the tree was understood), and a weight for each of
+They are ``albedo``, ``roughness``, z-depth, ``known`` (1 where the node tree was translated), and a weight for each of
 FEATURES (``shaders``).
 """
 
@@ -20,7 +20,7 @@ UNCOLOURED = 0.8
 
 
 def declare() -> None:
-    """Make the outputs of all materials known to the view layer."""
+    """Declare the outputs of all materials to the view layer."""
     layer = bpy.context.scene.view_layers[0]
     for names, kind in ((COLOURS, "COLOR"), (VALUES, "VALUE")):
         for name in names:
@@ -29,7 +29,7 @@ def declare() -> None:
 
 
 def translate_all() -> dict[str, Any]:
-    """Add the outputs to every material; returns how many were understood, and of which kinds the other nodes are."""
+    """Add the outputs to every material; returns how many were translated, and the types of the nodes that were not."""
     _give_every_surface_a_material()
     unknown: dict[str, int] = {}
     found = [each for each in bpy.data.materials if each.users and each.node_tree and not each.grease_pencil]
@@ -41,7 +41,7 @@ def translate_all() -> dict[str, Any]:
 
 
 def _translate(material: Any) -> str | None:
-    """Add the outputs to one material; returns the type of the node that was not understood."""
+    """Add the outputs to one material; returns the type of the node that could not be translated, if any."""
     tree = material.node_tree
     maths = Arithmetic(tree)
     camera = tree.nodes.new("ShaderNodeCameraData")

@@ -1,4 +1,4 @@
-"""Shader nodes in the words of the paper's BRDF: albedo, roughness, and weights of what these two cannot say."""
+"""Translates shader nodes to the paper's BRDF: albedo, roughness, and weights of features that it cannot express."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ DIELECTRIC = 0.04
 
 @dataclass
 class Said:
-    """A surface in the BRDF's words; features that are absent have weight 0."""
+    """A surface as parameters of the BRDF; absent features have weight 0."""
 
     albedo: Colour
     roughness: Scalar = 1.0
@@ -21,7 +21,7 @@ class Said:
 
 
 class NotUnderstood(Exception):
-    """A tree of nodes has one that is not translated; its type is the message."""
+    """A node tree has a node that cannot be translated; its type is the message."""
 
 
 def surface(socket: Any, maths: Arithmetic) -> Said:
@@ -55,7 +55,7 @@ def _principled(node: Any, maths: Arithmetic) -> Said:
 
 
 def _dielectric(node: Any) -> bool:
-    """Whether a Principled BSDF reflects DIELECTRIC of what meets it head-on, without a tint."""
+    """Whether a Principled BSDF has the reflectance DIELECTRIC at normal incidence, without a tint."""
     index, level, tint = (node.inputs[name] for name in ("IOR", "Specular IOR Level", "Specular Tint"))
     if index.is_linked or level.is_linked or tint.is_linked:
         return False
@@ -97,7 +97,7 @@ def _mix(node: Any, maths: Arithmetic) -> Said:
 
 
 def _add(node: Any, maths: Arithmetic) -> Said:
-    """The roughness is that of the shader with the narrower lobe, where both are numbers; else of the first."""
+    """Add two surfaces; the roughness is the smaller one if both are numbers, else the first that is linked."""
     first, second = (surface(node.inputs[place], maths) for place in (0, 1))
     rough = first.roughness
     if isinstance(first.roughness, float) and isinstance(second.roughness, float):

@@ -1,12 +1,12 @@
-"""The process: tasks come as lines of JSON on standard input, answers go as lines of JSON where it was told.
+"""The process: tasks come as lines of JSON on standard input, answers go as lines of JSON to a given file descriptor.
 
     python -c "... ; from in_blender.worker import serve; serve(DESCRIPTOR)"
 
-Blender and its libraries print what they like to standard output and standard error, so answers have a pipe of their
-own. An answer is ``{"done": ...}`` or ``{"error": {"what", "why", "remedy"}}``; the process ends with its input.
+Blender and its libraries print to standard output and standard error, so answers use a separate pipe. An answer is
+``{"done": ...}`` or ``{"error": {"what", "why", "remedy"}}``; the process ends with its input.
 
-A .blend file is opened without running what is in it. Cycles is set so that a picture's mean is the light that the
-scene sends: nothing clamped, blurred, denoised or left out.
+A .blend file is opened without running its scripts. Cycles is set to be unbiased: nothing is clamped, blurred, denoised
+or left out.
 """
 
 import json
@@ -57,11 +57,11 @@ SOLID_KINDS = frozenset({"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "
 """Kinds of objects that have a surface."""
 
 SHOWN = 12
-"""Missing files that are named; the others are counted."""
+"""Number of missing files that a message names; further ones are counted."""
 
 
 def open_file(path: str) -> dict[str, Any]:
-    """Open the file and describe it. Raises Unusable for one that cannot be read, lacks files, or has no surface."""
+    """Open the file and describe it. Raises Unusable for an unreadable file, missing linked files, or no surface."""
     try:
         bpy.ops.wm.open_mainfile(filepath=path, load_ui=False, use_scripts=False)
     except RuntimeError as error:
@@ -97,7 +97,7 @@ def open_file(path: str) -> dict[str, Any]:
 
 
 def _require_linked_files(path: str) -> None:
-    """Every library, image, cache and font that the file names must be there: Blender renders pink or nothing else."""
+    """Require every library, image, cache and font that the file names: without it Blender renders pink or nothing."""
     sources = [("library", each, each.filepath) for each in bpy.data.libraries]
     sources += [
         ("image", each, each.filepath)
@@ -120,7 +120,7 @@ def _require_linked_files(path: str) -> None:
 
 
 def _extent() -> tuple[list[float], list[float], int, int]:
-    """The box around all that has a surface and is rendered, world units; how many objects, how many instances."""
+    """The box around all rendered surfaces, world units; numbers of their objects and instances."""
     low, high = [math.inf] * 3, [-math.inf] * 3
     objects, instances = set(), 0
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
@@ -138,7 +138,7 @@ def _extent() -> tuple[list[float], list[float], int, int]:
 
 
 def _scripts() -> int:
-    """How many texts would register themselves and how many drivers are Python: none of them was run."""
+    """Numbers of self-registering texts and of drivers with Python expressions; none of them was run."""
     texts = sum(bool(each.use_module) for each in bpy.data.texts)
     return texts + sum(
         driver.driver.type == "SCRIPTED" and not driver.driver.is_simple_expression
@@ -185,7 +185,7 @@ VOLUME_PASSES = ("volume_direct", "volume_indirect")
 
 
 def prepare_cycles(device: str, threads: int) -> None:
-    """Everything that does not change from picture to picture. Raises Unusable where the device is not there."""
+    """Apply the settings that all pictures share. Raises Unusable if the device is missing."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     for name, value in UNBIASED.items():
@@ -287,7 +287,7 @@ def _camera(scene: Any, task: dict[str, Any]) -> None:
 
 
 def _light(scene: Any, path: str) -> None:
-    """The world is the light and nothing else; a light that is already up stays."""
+    """Make the light the whole world, unless it is set already."""
     if scene.world is not None and scene.world.name == WORLD and scene.world.get("light") == path:
         return
     world = bpy.data.worlds.get(WORLD) or bpy.data.worlds.new(WORLD)

@@ -109,7 +109,7 @@ class NormalKernels(NamedTuple):
     pull: wp.Kernel
     """Propagates each normal's gradient to its differences along x and y, the ``steps``."""
     gather: wp.Kernel
-    """Adds up, for each point, the gradients of the differences of its own pixel and of its four neighbours."""
+    """Adds up, for each point, the gradients from the differences at its own pixel and at its four neighbours."""
 
 
 @cache

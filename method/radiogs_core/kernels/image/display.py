@@ -78,6 +78,6 @@ def display_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
 def power_words(dtype: torch.dtype) -> dict[str, str]:
     """The values of the words in ``power`` for a scalar type.
 
-    They are those of a logarithm, and the number of terms of the series of exp up to 0.5 that reach its last digit.
+    They are a logarithm's words, and the number of terms of exp's series up to 0.5 that reach its last digit.
     """
     return {**logarithm_words(dtype), "EXP_TERMS": "14" if dtype == torch.float64 else "8"}

@@ -53,8 +53,8 @@ def edge_aware_smoothness(
 ) -> Float[Tensor, ""]:
     """Mean of |gradient of data| times the weights of ``edge_allowance``; only ``data`` gets a gradient.
 
-    Data of one channel is multiplied by the weights of each channel of the guide, data of three channels by those of
-    the same channel.
+    Data of one channel is multiplied by the weights of each channel of the guide, data of three channels by the same
+    channel's weights.
     """
     return _Smoothness.apply(data, allowance)
 

@@ -38,8 +38,8 @@ def compared(
 ) -> Float[Tensor, "images 3"]:
     """Mean absolute difference, mean SSIM and mean squared difference between each image and the target.
 
-    Only images get gradients. Where the target is 1 or more, image values above 1 count as 1. SSIM is that of splatting
-    codes: a Gaussian window of 11 taps with sigma 1.5, a range of 1, and zeros beyond the image.
+    Only images get gradients. Where the target is 1 or more, image values above 1 count as 1. SSIM is computed as in
+    splatting codes: a Gaussian window of 11 taps with sigma 1.5, a range of 1, and zeros beyond the image.
     """
     return _Compared.apply(images, target)
 

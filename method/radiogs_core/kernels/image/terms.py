@@ -71,13 +71,13 @@ class Terms:
     mask: float
     """Weight of the binary cross-entropy between coverage and mask."""
     normal: float
-    """Weight of the distance between blended normals and those of the depth map."""
+    """Weight of the distance between blended normals and the depth map's normals."""
     one_sided: bool
     """Whether the depth map's normals are one-sided differences, which keep creases; else central ones."""
     distortion: float
     """Weight of the mean distortion."""
     far: float
-    """Depth, world units, from which distortion counts as that of disparity; 0: nowhere."""
+    """Depth, world units, beyond which distortion is measured in disparity; 0: nowhere."""
     smoothness: tuple[tuple[str, float], ...] = ()
     """Names and weights of the edge-aware smoothness of the blended normals, and of each map."""
     masked: bool = False
@@ -136,9 +136,9 @@ def image_terms(
 
 
 class _Plan:
-    """The part of ``Terms`` that is computed, the places of its sums, and the constants that make losses of them.
+    """The part of ``Terms`` that is computed, the indices of its sums, and the constants that turn sums into losses.
 
-    ``images``, ``maps``: indices of those that are used; map 0 is that of the normals.
+    ``images``, ``maps``: indices of the used ones; map 0 holds the normals.
     """
 
     def __init__(
@@ -265,13 +265,13 @@ def _addresses(tensors: Sequence[Tensor]) -> Any:
 
 @cache
 def term_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
-    """The kernels of the terms that each pixel has of its own; an item is a block of pixels in one row.
+    """The kernels of the per-pixel terms; an item is a block of pixels in one row.
 
-    The forward kernel also prepares what is compared with neighbours: images in display colour, and masked maps.
-    Images and maps are passed by their addresses, and maps by their ``widths``, the numbers of their channels. A term
-    that is absent has index -1. ``maps``: the maps with interleaved channels. ``masked``: 1: they are multiplied by
-    the mask. ``far``: depth from which distortion counts as that of disparity; 0: nowhere. ``normals``: see
-    ``surface_kernel``. ``attached``: bit k: coverage has a gradient by image k.
+    The forward kernel also prepares what is compared with neighbours: images in display colour, and masked maps. Images
+    and maps are passed by their addresses, and maps by their ``widths``, the numbers of their channels. A term that is
+    absent has index -1. ``maps``: the maps with interleaved channels. ``masked``: 1: they are multiplied by the mask.
+    ``far``: depth beyond which distortion is measured in disparity; 0: nowhere. ``normals``: see ``surface_kernel``.
+    ``attached``: bit k: coverage has a gradient by image k.
     """
     words = {
         **power_words(dtype), **PLANES, "ENTRIES": 1, "REACH": 0, "BLOCK_COLUMNS": columns_of(on_cuda),
@@ -316,7 +316,7 @@ def _pull_images(plan: _Plan, shown: Tensor, target: Tensor, slopes: Tensor, pul
 
 
 def _orient(plan: _Plan, camera: Camera, alpha: Tensor, normal: Tensor, depth: Tensor, sums: Tensor) -> Tensor:
-    """Add up the distance of the normals from those of the depth map; returns these and the sum's derivatives."""
+    """Add up the distances of the normals from the depth map's; returns the latter and the sum's derivatives."""
     out = alpha.new_empty((8, *plan.size) if plan.normal >= 0 else 0)
     if plan.normal >= 0:
         lens, pose = lens_of(camera), camera.camera_to_world.to(alpha).contiguous()

@@ -52,7 +52,7 @@ class TileLists:
     touched: Bool[Tensor, " surfels"]
     """Whether the surfel's bounds intersect the image."""
     slots: Slots | None = None
-    """Only for CUDA, where no worker has a sum of its own."""
+    """Slots of the lists' entries on CUDA, where workers have no sums of their own; None on the CPU."""
 
 
 @dataclass(frozen=True)

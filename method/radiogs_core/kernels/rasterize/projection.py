@@ -91,8 +91,8 @@ def project_surfels(
 ) -> ProjectedSurfels:
     """Project surfels, widened by the footprint of a pixel (``surfel.footprint.widened``), from raw parameters.
 
-    A surfel's radiance is max(0, SH + 1/2) along the ray from the camera; at the camera's centre there is no ray, and
-    no gradient of it. Gradients flow to all parameters; footprints and support radii are constants.
+    A surfel's radiance is max(0, SH + 1/2) along the ray from the camera; at the camera's centre there is no ray and no
+    gradient. Gradients flow to all parameters; footprints and support radii are constants.
 
     Args:
         camera: Camera of the image.
@@ -218,7 +218,7 @@ def geometry_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
 def seen_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
     """The kernels from raw parameters for a scalar type and a division of work; an item is some surfels.
 
-    They do what frames, footprints, supports and radiance are to a view. ``size_of_pixel``: side of a pixel at depth 1,
+    They compute frames, footprints, supports and radiance for a view. ``size_of_pixel``: side of a pixel at depth 1,
     world units. ``coefficients``: number of harmonics; 0 leaves the radiance out. ``shown_only``: whether the radiance
     of surfels beside the image may be zero. ``pulled``: a bit for each of the pulls that are given.
     """

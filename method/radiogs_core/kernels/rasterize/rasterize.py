@@ -176,7 +176,7 @@ def _joined(features: tuple[Tensor, ...]) -> Tensor:
 def _planes(kind: Any, images: Sequence[Tensor | None], widths: Sequence[int], others: Sequence[Tensor | None]) -> Any:
     """The addresses of all channels, and of ``others``, the PLANES; 0 where there is none.
 
-    Each of the images is contiguous; together they have all channels. ``widths``: their numbers of channels.
+    Each image is contiguous; together they have all channels. ``widths``: number of channels of each image.
     """
     channels = (
         0 if image is None else image.data_ptr() + channel * image.element_size()
@@ -236,7 +236,7 @@ def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> BlendKern
 
 @cache
 def gather_kernel(dtype: torch.dtype, channels: int) -> wp.Kernel:
-    """The kernel that adds up the slots of surfels in view; an item is one of the gradients of one of them."""
+    """The kernel that adds up the slots of surfels in view; an item is one gradient of one surfel."""
     words = {"GRADIENTS": RECORD - 1 + channels, "RECORD": RECORD, "CHANNELS": channels}
     parameters = (LONGS, "surfels ends"), (flat(dtype), "slots grad_records grad_features")
     return native_kernel(RASTERIZE, dtype, ITEMWISE, "gather", "item", *parameters, words=words)

@@ -129,7 +129,7 @@ class _Consistency(torch.autograd.Function):
 def consistency_kernels(dtype: torch.dtype, on_cuda: bool) -> Pair:
     """The kernels of L_rad for a scalar type and a division of work.
 
-    An item is one of the surfels ``index``; its samples are in the item's row, its values in that of the surfel.
+    An item is one of the surfels ``index``; its samples are in the item's row, its values in the surfel's row.
     """
     words, arrays = shading_words(dtype, on_cuda, "total"), flat(dtype)
     make = partial(native_kernel, CONSISTENCY, dtype, NATIVE, on_cuda=on_cuda, words=words)

@@ -48,8 +48,8 @@ OF_SAMPLES, ENVIRONMENT = (4, 5, 6, 7), 8
 """Places, among the tensors of ``shade``, of values of samples, and of the light."""
 
 Kind = Literal["parts", "total", "given"]
-"""The sums of ``shade_kernels``. "parts": the four sums, from normals. "total": the sum of them all, from
-frames, whose third columns are normals. "given": the same, where V Env + L_ind of each sample is given."""
+"""The sums of ``shade_kernels``. "parts": the four sums, from normals. "total": the sum of them all, from frames, whose
+third columns are normals. "given": the total, with V Env + L_ind of each sample given."""
 
 
 def shade(
@@ -101,7 +101,7 @@ def shade_total(
     environment: Float[Tensor, "height width 3"] | None,
     specular_at: Bool[Tensor, " surfels"] | None = None,
 ) -> Float[Tensor, "rows views 3"]:
-    """The sum of the four parts of ``shade``, whose arguments it takes but for these.
+    """The sum of the four parts of ``shade``, whose arguments it takes except these.
 
     Args:
         frame: Rotation matrices; their third columns are the unit normals.
@@ -245,7 +245,7 @@ _WORDS: dict[Kind, dict[str, int]] = {
     "given": {**_ALL_TOGETHER, "KNOWN": 1, **_FRAMES},
 }  # fmt: skip
 """Channels of incident radiance, numbers of a view and the first of them that is specular, whether the incident
-radiance is known, and where the numbers of a normal lie."""
+radiance is known, and the offset of a normal's numbers."""
 
 
 def shading_words(dtype: torch.dtype, on_cuda: bool, kind: Kind) -> dict[str, object]:

@@ -19,8 +19,8 @@ def harmonic_sum(
 ) -> Float[Tensor, "surfels views 3"]:
     """Sum over the first 1, 4, 9 or 16 basis functions (3DGS's order and signs) at unit ``direction`` of travel.
 
-    Gradients flow to both. The gradient to directions is that of the polynomials; it is tangential after a
-    normalisation of the directions.
+    Gradients flow to both. The gradient to directions is the polynomials' gradient; only its tangential component
+    counts for unit directions.
     """
     sizes, kernels = [sh.shape[1], direction.shape[1]], harmonics_kernels(sh.dtype)
     return differentiable(kernels, len(sh), sizes, [direction.shape], sh, direction)[0]

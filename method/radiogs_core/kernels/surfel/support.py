@@ -20,8 +20,8 @@ SUPPORT_WORDS = {"THRESHOLD": ALPHA_THRESHOLD, "MAX_ALPHA": MAX_ALPHA}
 """The values of the words in ``SUPPORT``."""
 
 DEGENERATE, FAINT, REGULAR, SATURABLE = range(4)
-"""Kinds of surfels: degenerate (a value is not finite or an axis is zero), fainter than one 8-bit level, normal ones
-that rays can hit, and such with an opacity above MAX_ALPHA, whose alpha is clipped."""
+"""Kinds of surfels: degenerate (a value is not finite or an axis is zero), fainter than one 8-bit level, regular ones
+that rays can hit, and saturable ones with an opacity above MAX_ALPHA, whose alpha is clipped."""
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,7 @@ class SurfelBVH:
 
 
 def _topology(geometry: SplatGeometry) -> Topology:
-    """The topology over all surfels, including those that no ray can hit now: a later refit may make them visible."""
+    """The topology over all surfels, also surfels that no ray can hit: a later refit may make them visible."""
     with torch.no_grad():
         centre = torch.where(torch.isfinite(geometry.centre).all(-1, keepdim=True), geometry.centre, 0.0)
         if as_on_cuda(centre.device):
@@ -124,7 +124,7 @@ class FitKernels(NamedTuple):
     leaves: wp.Kernel
     """Fits each leaf; an item is a leaf."""
     nodes: wp.Kernel
-    """Fits the nodes before ``end`` from the last one backwards, once the boxes of their children are there."""
+    """Fits the nodes before ``end`` from the last one backwards, after the boxes of their children."""
 
 
 @cache

@@ -34,14 +34,14 @@ MOST_NODES = 4096
 traversed nearest first."""
 
 MOST_MET = 256
-"""Most pairs of a ray and a leaf with hits that are kept before the hits are added to those of their rays."""
+"""Most pairs of a ray and a leaf with hits that are buffered before their hits are added to the rays' hits."""
 
 MOST_HITS = 248
 """Largest number of hits that are sorted together; a ray with more is traversed nearest first."""
 
 FEW_HITS = 32
-"""Hits that are sorted without a look at whether the nearer ones let enough light through to the farther ones: as many
-as ``put_in_order`` has code of its own for."""
+"""Up to so many hits are sorted without checking whether nearer hits already block the farther ones; ``put_in_order``
+has special code for each such number."""
 
 BUFFER = 32
 """Hits of a ray in one round of nearest-first traversal; fewer measured slower, because more rounds are needed."""

@@ -20,7 +20,7 @@ def ordered_by_origin(
 ) -> Int[Tensor, " rays"]:
     """Ray numbers with the ``of_origin`` rays of each origin together, origins in the order of their first rays.
 
-    Raises UsageError if the number of rays is no multiple of ``of_origin``.
+    Raises UsageError unless the number of rays is a multiple of ``of_origin``.
     """
     if len(origin) % of_origin:
         raise UsageError(
@@ -36,7 +36,7 @@ CELLS = 512
 """Cells along the longest side of the box around the origins: 9 bits for each of three coordinates."""
 
 BOUNDED = 16
-"""The box is that of every 16th origin; origins outside it count as in its outermost cells. The box of all origins
+"""The box holds every 16th origin; origins outside it count in its outermost cells. Finding the box of all origins
 would take longer than sorting them."""
 
 

@@ -30,7 +30,7 @@ class Topology:
     order: Int[Tensor, "leaves 8"]
     """Surfels of each leaf; -1 for an empty entry."""
     level_end: tuple[int, ...]
-    """For each level, the number after that of its last node."""
+    """Number of the first node after each level."""
 
 
 def sah_topology(low: Float[Tensor, "surfels 3"], high: Float[Tensor, "surfels 3"]) -> Topology:

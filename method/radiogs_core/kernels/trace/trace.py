@@ -67,8 +67,8 @@ def trace(
     max(0, SH(direction) + 1/2).
 
     Gradients flow to every field of ``geometry``, ``sh``, ``features`` and ``origin``; ``direction`` and ``t_min`` get
-    none, and neither does the choice of hits. Raises NumericalFailure if a surfel that is hit has a coefficient or a
-    feature that is not finite.
+    none, nor does the choice of hits. Raises NumericalFailure if a surfel that is hit has a coefficient or a feature
+    that is not finite.
 
     Args:
         bvh: Tree that is fitted to ``geometry``.

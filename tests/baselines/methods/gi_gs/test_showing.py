@@ -17,7 +17,7 @@ CAMERA = SCENE.test[0].camera
 
 
 def test_relighting_is_not_occluded_and_has_the_bounce_of_the_new_light() -> None:
-    """Relit by the recovered light, the images differ from the recovered ones only in the occlusion, which is 1."""
+    """Relit by the recovered light, the images differ from the unrelit ones only in the occlusion, which is 1."""
     own = trained(GI_GS.variant(occlusion=False)).prepare().render(CAMERA)
     occluded = trained().prepare().render(CAMERA)
     relit = trained().prepare(grey()).render(CAMERA)

@@ -10,7 +10,7 @@ from radiogs_core.on_surfels.split_sum_light import SplitSumLight
 from radiogs_core.transport.prefiltered_light import PrefilteredLight
 
 
-def test_metalness_is_learnt_only_if_the_variant_says_so() -> None:
+def test_metalness_is_learnt_only_if_the_variant_sets_it() -> None:
     plain, metal = (GI_GS.stage_of(GI_GS.variant(metallic=metallic)) for metallic in (False, True))
     assert "metallic_logit" not in plain.optimiser.tensors
     assert plain.model.metallic is None

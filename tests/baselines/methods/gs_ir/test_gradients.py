@@ -29,7 +29,7 @@ SAMPLES = 12
 MATERIALS = ("albedo_logit", "roughness_logit", "metallic_logit")
 LEARNT = (*MATERIALS, "environment", "irradiance")
 MOVED = (*LEARNT, "centre", "opacity_logit", "log_scale")
-"""Geometry that is compared with the formulas: it acts through blending only. Rotations also change the pixels'
+"""Geometry parameters compared with the formulas: they act through blending only. Rotations also change the pixels'
 footprint, which has no gradient."""
 TERMS = ("shaded", "smoothness", "prior", "light smoothness")
 

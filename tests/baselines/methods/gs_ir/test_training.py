@@ -75,7 +75,7 @@ def test_irradiance_is_learnt_where_the_light_is_occluded() -> None:
 
 
 @pytest.mark.parametrize("changed", [{"texel_areas": "approximate"}, {"masking": "schlick"}])
-def test_training_filters_and_reflects_the_light_as_the_variant_says(changed: dict[str, str]) -> None:
+def test_training_filters_and_reflects_the_light_by_the_variant(changed: dict[str, str]) -> None:
     """With approximate areas the same light makes the image brighter; with another masking, the lobe."""
     same = {name: getattr(Variant(), name) for name in changed}
     default, unchanged, other = (GS_IR.stage_of(GS_IR.variant(**each)).step()["shaded"] for each in ({}, same, changed))

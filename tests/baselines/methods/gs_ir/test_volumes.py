@@ -59,7 +59,7 @@ def heights(surfel: Surfels) -> list[float]:
 
 
 def test_only_corners_near_a_surfel_are_baked() -> None:
-    """A small surfel has eight corners; every other corner reads one of their probes."""
+    """A small surfel has eight corners; all other corners read one of their probes."""
     one = sheet(0.0, scale=0.05)
     near = corners_near(one, LATTICE)
     assert float((LATTICE.positions(near).abs() - 0.1).abs().max()) < 1e-6

@@ -116,7 +116,7 @@ def test_relit_indirect_light_is_one_bounce_at_the_first_hit() -> None:
 
 
 def test_a_hit_is_shadowed_by_the_table_of_its_surfel() -> None:
-    """An infinite floor hides the light from the sheet within a hop: all rays but the grazing ones."""
+    """An infinite floor hides the light from the sheet within one hop, except for grazing rays."""
     open_sheet, hidden = (relit(together(floor(scale=scale), above(0.05)), grey()) for scale in (0.0005, 1e4))
     hit = hidden.hit_surfel[0] == 1
     assert bool((hidden.radiance[0, hit] < 0.2 * open_sheet.radiance[0, hit]).all())

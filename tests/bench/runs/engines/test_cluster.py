@@ -82,7 +82,7 @@ def test_options_that_do_not_go_together_are_refused(asked: tuple[str | None, in
 
 
 @pytest.mark.slow
-def test_without_ray_the_command_says_what_to_install(
+def test_without_ray_the_command_names_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Before kernels are compiled, and before anything is trained."""
@@ -115,7 +115,7 @@ def two_machines(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 
 
 class Lines(LogProgress):
-    """Remembers which cells are said to be done, and does something at a certain one."""
+    """Records which cells are reported as done, and does something at a given one."""
 
     def __init__(self, at: int = -1, act: Callable[[], None] = lambda: None) -> None:
         super().__init__()
@@ -256,7 +256,7 @@ def chain_cell(chain: Chain, **turned: float) -> Cell:
 
 
 def test_cells_of_two_suites_share_their_first_stage(tmp_path: Path) -> None:
-    """One task brings it to its end, and its outcome goes to all of them; so do later calls find it in the store."""
+    """One task completes it, and all cells get its outcome; later calls find it in the store, too."""
     assert len({cell.stages[0].key for cell in SHARING}) == 1
     assert len({cell.stages[1].key for cell in SHARING}) == len(SHARING)
     FakeSweep(tmp_path / "whole").run(SHARING)
@@ -271,7 +271,7 @@ def test_cells_of_two_suites_share_their_first_stage(tmp_path: Path) -> None:
 
 
 def test_cells_that_share_stages_are_on_the_cluster_together(tmp_path: Path) -> None:
-    """None waits for the stage to land: it is under way for all of them."""
+    """No cell waits for the stage to land: one task serves all of them."""
     ray = HereInsteadOfRay()
     cluster = cluster_of(ray, tmp_path)
     assert unsent(cluster, [Task(cell, cell.key) for cell in SHARING]) == []
@@ -320,7 +320,7 @@ def test_stages_between_the_first_and_the_last_are_shared_too(tmp_path: Path) ->
     assert kept == {stage.key for cell in cells for stage in cell.stages}
 
 
-def test_found_methods_travel_without_what_was_found() -> None:
+def test_found_methods_are_pickled_without_the_methods() -> None:
     found = FoundMethods()
     assert found("radiogs") is found("radiogs")
     sent = pickle.dumps(found)

@@ -220,7 +220,7 @@ def test_checkpoints_are_rarer_where_they_are_slow(sweep: FakeSweep, monkeypatch
     assert sum("checkpoint" in name for name in written) == 2
 
 
-def test_claimed_says_who_holds_it(sweep: FakeSweep) -> None:
+def test_claimed_names_the_holder(sweep: FakeSweep) -> None:
     with sweep.store.claim("x"), pytest.raises(Claimed) as caught, sweep.store.claim("x"):
         pass
     assert f"process {os.getpid()}" in str(caught.value)
@@ -240,7 +240,7 @@ def remote(cell: Cell = CELLS[0], **changes: Any) -> RemoteCell:
     return replace(RemoteCell(RECIPE, cell, "nowhere/fake", 1), **changes)
 
 
-def test_delivered_cells_are_what_a_run_here_would_have_made(tmp_path: Path) -> None:
+def test_delivered_cells_equal_cells_of_a_local_run(tmp_path: Path) -> None:
     here, there = FakeSweep(tmp_path / "here"), Store(tmp_path / "there")
     here.run(CELLS)
     firsts: dict[str, RemoteResult] = {}

@@ -84,7 +84,7 @@ def test_the_specular_lobe_never_sends_out_more_than_comes_in(roughness: float) 
 
 @pytest.mark.parametrize("elevation", [1e-2, 1e-4, 1e-8, 0.0, -1e-4, -1.0])
 def test_grazing_and_hidden_directions_give_finite_values_and_gradients(elevation: float) -> None:
-    """Also where the two directions oppose each other and there is no half-vector."""
+    """Also for opposite directions, which have no half-vector."""
     normal = torch.tensor([[0.0, 0.0, 1.0]], requires_grad=True)
     roughness = torch.tensor([0.3], requires_grad=True)
     flat = math.sqrt(1 - elevation**2)

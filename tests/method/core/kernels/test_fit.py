@@ -121,7 +121,7 @@ def test_leaves_hold_their_surfels_and_zero_where_none_can_be_met(count: int, dt
 
 @in_every_arrangement
 @pytest.mark.parametrize("count", [1, 1000])
-def test_visits_are_the_areas_of_all_boxes_over_that_of_the_whole(count: int) -> None:
+def test_expected_visits_are_all_box_areas_over_the_root_area(count: int) -> None:
     tree = fitted(surfels(count))
 
     def area(box: Tensor) -> float:
@@ -133,7 +133,7 @@ def test_visits_are_the_areas_of_all_boxes_over_that_of_the_whole(count: int) ->
 
 
 @in_every_arrangement
-def test_of_surfels_that_no_ray_can_meet_nothing_is_visited() -> None:
+def test_a_tree_of_unhittable_surfels_is_never_visited() -> None:
     geometry = surfels(100)
     geometry.opacity[:] = 0.003
     tree = fitted(geometry)

@@ -257,7 +257,7 @@ def values_and_gradients(
 @pytest.mark.parametrize("shown_only", [False, True])
 @pytest.mark.parametrize("coefficients", [1, 4, 9, 16])
 def test_a_surfel_is_projected_among_others_as_it_is_alone(coefficients: int, shown_only: bool) -> None:
-    """To the last bit, whatever its place among those that are shown and those that are pulled."""
+    """To the last bit, whatever its index among the surfels that are shown and that have gradients."""
     count = 150
     given = [value.float() for value in raw_surfels(count, coefficients).values()]
     pulled = torch.rand(count, 1) < 0.6
@@ -320,7 +320,7 @@ def test_scales_and_opacities_of_any_size_are_exponentials_to_float32_s_last_dig
     torch.testing.assert_close(*(strong[name][drawn, 11] for name in names), rtol=2e-6, atol=2e-6)
 
 
-def test_what_no_number_holds_is_zero_or_infinite() -> None:
+def test_values_out_of_range_become_zero_or_infinite() -> None:
     opacity_logit = torch.tensor([-torch.inf, -1e30, -120.0, 120.0, 1e30, torch.inf, torch.nan, 3.0, 3.0, 3.0, 3.0])
     log_scale = torch.zeros(len(opacity_logit), 2)
     log_scale[7:, 0] = torch.tensor([-torch.inf, -1e30, 1e30, torch.nan])
@@ -331,8 +331,8 @@ def test_what_no_number_holds_is_zero_or_infinite() -> None:
     assert not found["torch.float32"][:2, 10].any()
 
 
-def test_what_lies_far_beside_the_image_touches_nothing() -> None:
-    """At 1e17 pixels to the right and left of it, below and above, which no 32-bit integer holds."""
+def test_surfels_far_beside_the_image_touch_no_tile() -> None:
+    """At 1e17 pixels right, left, below and above the image, beyond any 32-bit integer."""
     view = Camera(torch.eye(4), 20.0, 20.0, 8.5, 8.5, 16, 16)
     centre = torch.tensor([[1e8, 0.0, 1e-8], [-1e8, 0.0, 1e-8], [0.0, 1e8, 1e-8], [0.0, -1e8, 1e-8]])
     rotation = torch.tensor([[1.0, 0.0, -1.0, 0.0], [1.0, 0.0, 1.0, 0.0], [1.0, 1.0, 0.0, 0.0], [1.0, -1.0, 0.0, 0.0]])

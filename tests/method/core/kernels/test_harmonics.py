@@ -40,5 +40,5 @@ def test_what_is_no_number_stays_with_its_surfel(threads: int) -> None:
     assert torch.isfinite(torch.cat([found[:7], found[8:]])).all()
 
 
-def test_no_surfels_send_nothing() -> None:
+def test_zero_surfels_give_an_empty_result() -> None:
     assert harmonic_sum(torch.zeros(0, 16, 3), torch.zeros(0, 2, 3)).shape == (0, 2, 3)

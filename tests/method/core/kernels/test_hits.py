@@ -1,4 +1,4 @@
-"""Both ways of gathering a ray's hits, breadth first and nearest first, find the same ones."""
+"""Breadth-first and nearest-first gathering of a ray's hits find the same hits."""
 
 from pathlib import Path
 
@@ -70,7 +70,7 @@ def test_any_number_of_hits_is_found_in_order(met: int) -> None:
 
 
 @pytest.mark.parametrize("layers", [MOST_HITS, 4000])
-def test_what_lies_behind_an_opaque_surface_is_no_hit(layers: int) -> None:
+def test_surfels_behind_an_opaque_surface_are_not_hit(layers: int) -> None:
     ours, _, theirs, _ = hits_of(facing(torch.linspace(1, 50, layers), 0.9), 0.0, 0.03)
     assert_equal(ours, theirs)
     assert 1 < int(ours.begin.diff().min()) <= int(ours.begin.diff().max()) < 8

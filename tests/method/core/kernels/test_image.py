@@ -51,7 +51,7 @@ def test_ssim_is_skimages_on_the_zero_padded_image() -> None:
     assert float(compared(given[None], target)[0, 1]) == pytest.approx(expected[5:-5, 5:-5].mean(), abs=1e-9)
 
 
-def test_what_is_brighter_than_a_saturated_target_is_no_error_and_gets_no_gradient() -> None:
+def test_values_above_a_saturated_target_have_no_error_and_no_gradient() -> None:
     target = image(12, 12)
     target[4:8, 4:8] = 1
     given = target.clone()
@@ -80,7 +80,7 @@ def test_what_is_no_number_reaches_the_sums() -> None:
 @in_every_arrangement
 @pytest.mark.parametrize("masked", [False, True])
 @pytest.mark.parametrize(("height", "width"), SIZES)
-def test_edges_allow_what_the_dense_slopes_say(height: int, width: int, masked: bool) -> None:
+def test_edge_weights_agree_with_the_dense_slopes(height: int, width: int, masked: bool) -> None:
     guide = image(height, width)
     mask = (2.5 * torch.rand(height, width, dtype=torch.float64)).clamp(max=1) if masked else None
     expected = dense.edge_allowance(guide.cpu(), 10.0, None if mask is None else mask.cpu())
@@ -90,7 +90,7 @@ def test_edges_allow_what_the_dense_slopes_say(height: int, width: int, masked: 
 @in_every_arrangement
 @pytest.mark.parametrize("channels", [1, 3])
 @pytest.mark.parametrize(("height", "width"), SIZES)
-def test_smoothness_is_that_of_the_dense_slopes(height: int, width: int, channels: int) -> None:
+def test_smoothness_agrees_with_the_dense_slopes(height: int, width: int, channels: int) -> None:
     allowance = torch.rand(2, height, width, 3, dtype=torch.float64)
     assert_same_with_gradients(
         lambda data: edge_aware_smoothness(data, allowance),
@@ -102,7 +102,7 @@ def test_smoothness_is_that_of_the_dense_slopes(height: int, width: int, channel
 @in_every_arrangement
 @pytest.mark.parametrize("share", [0.5, 0.9, 1.0])
 @pytest.mark.parametrize(("height", "width"), [size for size in SIZES if size[1] < COLUMNS])
-def test_one_sided_normals_are_those_of_loops_over_pixels(height: int, width: int, share: float) -> None:
+def test_one_sided_normals_agree_with_loops_over_pixels(height: int, width: int, share: float) -> None:
     depth, solid = 2 + torch.rand(height, width, dtype=torch.float64), torch.rand(height, width) < share
     toward = torch.tensor([0.3, -0.2, 0.1], dtype=torch.float64)
     rays = torch.cat([image(height, width, 2), torch.ones(height, width, 1, dtype=torch.float64)], -1)
@@ -229,7 +229,7 @@ def test_the_curve_keeps_what_is_no_number_and_the_line_what_is_dark(dtype: torc
 
 
 @in_every_arrangement
-def test_what_nothing_covers_is_the_background_and_gets_no_gradient() -> None:
+def test_uncovered_pixels_show_the_background_and_get_no_gradient() -> None:
     blended = torch.full((1, 3, 7, 3), torch.nan, dtype=torch.float64).requires_grad_()
     alpha = torch.zeros(3, 7, dtype=torch.float64).requires_grad_()
     shown = displayed(blended, alpha, background=0.7)

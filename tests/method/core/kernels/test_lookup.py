@@ -69,7 +69,7 @@ def test_gradients_equal_central_differences() -> None:
 
 @in_every_arrangement
 @pytest.mark.parametrize("part", [0, 1])
-def test_what_needs_no_gradient_gets_none(part: int) -> None:
+def test_tensors_without_requires_grad_get_no_gradient(part: int) -> None:
     both = [value.requires_grad_() for value in (radiance_map(4, 8), around(50))]
     look_up(*both).square().sum().backward()
     alone = [value.detach().clone().requires_grad_(k == part) for k, value in enumerate(both)]
@@ -128,7 +128,7 @@ def test_a_direction_of_no_length_sees_what_the_maps_own_lookup_says_without_gra
 
 
 @in_every_arrangement
-def test_no_directions_see_nothing() -> None:
+def test_zero_directions_give_an_empty_result() -> None:
     radiance, none = radiance_map(4, 8).requires_grad_(), torch.zeros(2, 0, 3, dtype=torch.float64).requires_grad_()
     found = look_up(radiance, none)
     assert found.shape == none.shape

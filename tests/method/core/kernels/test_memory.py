@@ -28,7 +28,7 @@ print(int(kept), sum(touched[1:]))
 @pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="tests glibc's allocator")
 def test_a_large_buffer_takes_the_pages_of_the_one_before() -> None:
-    """64 MiB are 16,384 pages of 4 KiB, of which the first buffer touches all.
+    """64 MiB are 16,384 pages of 4 KiB, all of which the first buffer touches.
 
     The process is a new one: glibc changes the arena of a thread once an allocation of it has failed, as in tests of
     exhausted memory, and only its first arena holds buffers of this size.

@@ -35,7 +35,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_threads_and_launches_compile_a_kernel_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """For single threads, and not for blocks of them as well."""
+    """For single threads, and not additionally for blocks of threads."""
     kernel, loaded, begun = new_kernel(1.0), [], Event()
     load = wp.force_load
 

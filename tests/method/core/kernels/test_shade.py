@@ -109,7 +109,7 @@ def test_sets_of_samples_share_the_values_of_their_surfel(at_once: int, monkeypa
 
 @in_every_arrangement
 def test_radiance_that_has_arrived_is_shaded_as_the_light_that_it_comes_from() -> None:
-    """Some surfels' radiance is written among that of others, which stays."""
+    """Radiance of some surfels is written between other surfels' radiance, which stays."""
     given = framed(inputs(samples=LANES_ON_CPU + 5))
     index = torch.tensor([7, 0, 3])
     samples = [given[name][index] for name in ("direction", "visibility", "indirect")]
@@ -126,8 +126,8 @@ def test_radiance_that_has_arrived_is_shaded_as_the_light_that_it_comes_from() -
     assert_equal_slopes((found * pull).sum(), (expected * pull).sum(), learnt)
 
 
-def test_what_arrives_at_a_surfel_does_not_depend_on_the_others_to_the_bit() -> None:
-    """A stage that goes on from a stored state computes all of it at once, and one that runs on some at a time."""
+def test_light_arriving_at_a_surfel_is_bitwise_independent_of_others() -> None:
+    """A resumed stage computes all of it at once, and a stage that runs on computes some at a time."""
     given = {name: value.float() for name, value in inputs(samples=LANES_ON_CPU + 5).items()}
     names, every = ("direction", "visibility", "indirect"), torch.arange(12)
     at_once, in_turn = torch.empty_like(given["direction"]), torch.empty_like(given["direction"])

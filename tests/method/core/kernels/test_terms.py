@@ -115,7 +115,7 @@ def ours(terms: Terms, camera: Camera, aim: Aim, tensors: Sequence[Tensor]) -> d
 @in_every_arrangement
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize(("height", "width"), SIZES)
-def test_all_terms_and_gradients_are_those_of_dense_operations(name: str, height: int, width: int) -> None:
+def test_all_terms_and_gradients_agree_with_dense_operations(name: str, height: int, width: int) -> None:
     terms, camera = CASES[name], camera_of(height, width)
     aim, tensors = given(height, width, len(terms.images))
     tensors = tensors if terms.smoothness else tensors[:-2]

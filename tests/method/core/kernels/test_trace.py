@@ -182,7 +182,7 @@ def in_kd_order(geometry: SplatGeometry) -> SurfelBVH:
 
 
 @pytest.mark.parametrize("build", [SurfelBVH.build, in_kd_order])
-def test_trees_find_what_brute_force_finds_also_after_refitting(build: Callable[[SplatGeometry], SurfelBVH]) -> None:
+def test_trees_find_the_hits_of_brute_force_also_after_refitting(build: Callable[[SplatGeometry], SurfelBVH]) -> None:
     given = small_surfels(2000)
     tree = build(splats(given))
     for move in (0.0, 0.02, 0.5):

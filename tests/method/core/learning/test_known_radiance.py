@@ -26,7 +26,7 @@ from scenes import sphere_scene
 WHITE = EnvironmentMap(torch.ones(8, 16, 3))
 FLOOR, WALL = Material((0.002, 0.002, 0.002), 0.9), Material((0.6, 0.4, 0.2), 0.9)
 SOLIDS = [Box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0), FLOOR), Box((-1.0, -0.4, 0.0), (-0.9, 0.4, 0.8), WALL)]
-"""A wall that stands on a floor so dark that it reflects nothing, under a light that is 1 from everywhere."""
+"""A wall on a floor so dark that it reflects nothing, under a constant light of 1."""
 
 
 def matte(spacing: float) -> SurfaceSamples:

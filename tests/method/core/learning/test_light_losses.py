@@ -13,7 +13,7 @@ def sky(seed: int = 0) -> torch.Tensor:
     return torch.rand(HEIGHT, WIDTH, 3, generator=torch.Generator().manual_seed(seed), dtype=torch.float64) + 0.05
 
 
-def test_smoothness_is_the_mean_square_of_what_neighbouring_logarithms_differ_by() -> None:
+def test_smoothness_is_the_mean_squared_difference_of_neighbouring_logarithms() -> None:
     radiance = sky()
     value = np.log(radiance.numpy())
     around = [
@@ -23,7 +23,7 @@ def test_smoothness_is_the_mean_square_of_what_neighbouring_logarithms_differ_by
     assert float(environment_smoothness(radiance)) == pytest.approx(float(np.mean(around) + np.mean(down)), rel=1e-12)
 
 
-def test_the_gradient_of_smoothness_is_that_of_central_differences() -> None:
+def test_the_gradient_of_smoothness_agrees_with_central_differences() -> None:
     assert torch.autograd.gradcheck(lambda radiance: 3 * environment_smoothness(radiance), sky().requires_grad_())
 
 

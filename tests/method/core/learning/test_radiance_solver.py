@@ -126,7 +126,7 @@ def rates_after(rates: SolverRates, iterations: int, done: int) -> tuple[tuple[f
     return (found["sh"], found["sh_rest"]), solver.unit
 
 
-def test_steps_begin_at_the_rates_that_are_said_in_units_of_the_scenes_radiance() -> None:
+def test_initial_rates_are_in_units_of_the_scenes_radiance() -> None:
     rates = SolverRates(degree_0=0.4, rest_share=0.2)
     found, unit = rates_after(rates, 12, 1)
     assert unit > 1.2

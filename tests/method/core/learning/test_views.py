@@ -27,7 +27,7 @@ def test_a_share_of_the_views_is_a_seeded_subset_in_order() -> None:
     assert len(chosen_views(scene, 0.01, seed=1)) == 1
 
 
-def test_compositing_covers_what_the_mask_leaves_open() -> None:
+def test_compositing_fills_uncovered_pixels_with_the_background() -> None:
     view = load(sphere_scene().train[:1], torch.device("cpu"))[0]
     white = view.over(1.0)
     assert (white[view.mask == 0] == 1).all()

@@ -28,7 +28,7 @@ from scenes import surfels_over
 ROWS = 8
 START = StartValues(search=LightStart(steps=60))
 NOISE = 0.1
-"""Standard deviation of log-radiance from point to point, as that of learnt surfels."""
+"""Standard deviation of log-radiance between points, as of learnt surfels."""
 
 PAINTS = ((0.7, 0.7, 0.7), (0.6, 0.15, 0.1))
 MATTE = Material(PAINTS[0], 0.9)
@@ -125,7 +125,7 @@ def test_noise_of_single_points_is_not_taken_for_white_paint() -> None:
 
 
 def soft_light() -> torch.Tensor:
-    """Bright towards +X and up, three times as bright as on the other side; no shadow tells where it is."""
+    """Three times as bright towards +X and up as on the other side; no shadow reveals its direction."""
     towards = normalize(torch.tensor([1.0, 0.0, 1.0], dtype=torch.float64), dim=0)
     share = (1 + texel_directions(ROWS, 2 * ROWS) @ towards) / 2
     return (0.5 + share[..., None] * torch.tensor([1.0, 0.9, 0.8])).float()

@@ -1,4 +1,4 @@
-"""Stage 1 starts from files of splats as 3DGS, 2DGS and gsplat write them, and refuses what is none."""
+"""Stage 1 starts from files of splats by 3DGS, 2DGS and gsplat, and refuses other files."""
 
 import hashlib
 import math

@@ -43,8 +43,8 @@ def trained(scene: Scene) -> tuple[float, Surfels]:
 
 
 @pytest.mark.slow
-def test_new_views_of_a_room_need_what_surrounds_the_object() -> None:
-    """The same photos; a mask of ones sends them through the start of scenes with masks, a ball in the middle."""
+def test_new_views_of_a_room_need_the_surroundings() -> None:
+    """The same photos; a mask of ones makes them a scene with masks, which starts from a ball in the middle."""
     ball_only, _ = trained(room_scene(masked=True))
     room, surfels = trained(room_scene())
     assert room > ball_only + 4
@@ -55,7 +55,7 @@ def test_new_views_of_a_room_need_what_surrounds_the_object() -> None:
     assert sparse > ball_only + 5
 
 
-def test_what_is_far_moves_as_far_as_it_looks() -> None:
+def test_positional_steps_of_distant_surfels_scale_with_distance() -> None:
     stage = stage_on(room_scene())
     assert stage.space is not None
     before = stage.surfels.centre.detach().clone()
@@ -69,7 +69,7 @@ def test_what_is_far_moves_as_far_as_it_looks() -> None:
 
 
 @pytest.mark.parametrize("depth", [0.5, 4.0])
-def test_distortion_beyond_the_cameras_is_that_of_disparity(depth: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_distortion_beyond_the_cameras_is_measured_in_disparity(depth: float, monkeypatch: pytest.MonkeyPatch) -> None:
     stage = stage_on(room_scene())
     stage.iteration = stage.iterations
     drawn: list[Splat] = []

@@ -47,7 +47,7 @@ def test_small_ones_are_cloned_large_ones_split_and_faint_ones_pruned() -> None:
     torch.testing.assert_close(in_plane, torch.zeros(2), atol=1e-6, rtol=0)
 
 
-def test_beyond_the_cameras_size_is_judged_by_what_it_looks_like() -> None:
+def test_beyond_the_cameras_size_is_judged_as_it_appears() -> None:
     """Where space is stretched, what is cloned is as much larger, and nothing is pruned for its size."""
     surfels = four_surfels()
     surfels.log_scale = torch.tensor([0.05, 0.05, 0.5, 5.0]).log()[:, None].repeat(1, 2)
@@ -118,7 +118,7 @@ PUBLISHED = OpacityResets(lower_every=3_000 / 40_000, raise_every=1_000 / 40_000
 
 
 def resets(steps: Iterable[int], iterations: int, of: OpacityResets = PUBLISHED) -> tuple[list[int], list[int]]:
-    """The steps among these after which opacities are lowered, and those after which they are raised."""
+    """The steps among these after which opacities are lowered, and the steps after which they are raised."""
     among = list(steps)
     return [each for each in among if of.lowers(each, iterations)], [
         each for each in among if of.raises(each, iterations)
@@ -175,7 +175,7 @@ def test_statistics_reset_after_a_round_and_resume_before_it() -> None:
     assert not first.total.any()
 
 
-def test_the_positional_gradient_is_that_of_a_shift_on_the_screen() -> None:
+def test_the_positional_gradient_is_per_shift_of_half_an_image() -> None:
     camera = Camera(torch.eye(4, dtype=torch.float64), 40.0, 40.0, 32.0, 32.0, 64, 64)
     centre = torch.tensor([[0.3, -0.2, 5.0]], dtype=torch.float64)
     weight = torch.tensor([2.0, 3.0], dtype=torch.float64)

@@ -49,7 +49,7 @@ def test_a_pixels_footprint_widens_surfels_but_keeps_their_energy() -> None:
 
 @pytest.mark.parametrize("degrees", [60.0, 80.0, 85.0])
 def test_a_surfel_seen_from_the_edge_covers_what_its_projection_does_wherever_it_falls(degrees: float) -> None:
-    """A disc of 2.5 pixels: its alpha, summed over pixels, is that of the disc seen head-on times the cosine."""
+    """A disc of 2.5 pixels: its alpha, summed over pixels, is the head-on disc's alpha times the cosine."""
     camera = Camera(torch.eye(4), 50.0, 50.0, 16.0, 16.0, 32, 32)
     found = []
     for shift in torch.linspace(0, 0.9, 7):
@@ -72,7 +72,7 @@ def test_fresh_surfels_face_where_they_are_seen_from() -> None:
     assert ((surfels.frame[..., 2] * (5 * surfels.centre - surfels.centre)).sum(-1) > 0).all()
 
 
-def test_inverse_activations_return_what_was_asked_for() -> None:
+def test_inverse_activations_invert_the_activations() -> None:
     surfels = _surfels()
     surfels.roughness_logit = torch.full((20,), roughness_to_logit(0.37), dtype=torch.float64)
     torch.testing.assert_close(surfels.roughness, torch.full((20,), 0.37, dtype=torch.float64))

@@ -13,7 +13,7 @@ SMALL = DepthSweep(planes=32, neighbours=4, agreeing=2)
 def cheapest(cost: torch.Tensor, end: int, line: torch.Tensor) -> list[float]:
     """Costs of the cheapest paths that end at place ``end`` of a line, for each plane there, by trying all paths.
 
-    ``cost`` [planes, length]; ``line`` says which places are covered. A path begins behind the last that is not."""
+    ``cost`` [planes, length]; ``line``: whether each place is covered. A path begins behind the last uncovered one."""
     costs = cost.tolist()
     begin = max([place + 1 for place in range(end) if not line[place]], default=0)
     best = [float("inf")] * len(cost)

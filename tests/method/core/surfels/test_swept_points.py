@@ -28,7 +28,7 @@ def test_surfels_start_on_a_sphere_and_face_outwards_at_any_scale_of_the_world(s
     assert float((hull.centre.norm(dim=-1) / scale - 1).abs().median()) > 0.1
 
 
-def test_what_views_see_through_is_left_out_and_what_none_sees_counts_nothing() -> None:
+def test_offsets_are_negative_in_free_space_and_zero_for_unseen_points() -> None:
     scene = sphere_scene(views=8, size=32)
     views = [SmallView.of(view, 32) for view in scene.train]
     tolerance = 0.1
@@ -45,7 +45,7 @@ def test_what_views_see_through_is_left_out_and_what_none_sees_counts_nothing() 
 
 
 def test_fused_points_lie_where_the_depths_of_all_views_are_on_average() -> None:
-    """Views that differ by a thirtieth: points from all of them end on the sphere between, wherever they began."""
+    """Views whose depths differ by a thirtieth: all points end on the sphere between them, wherever they began."""
     scene = sphere_scene(views=24, size=64)
     views = [SmallView.of(view, 64) for view in scene.train]
     radii = [1 + (0.03 if place % 2 else -0.03) for place in range(24)]
@@ -77,7 +77,7 @@ def _depth_of_a_sphere(view: SmallView, radius: float) -> torch.Tensor:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["occluder", "wire"])
 def test_hardly_a_point_starts_beside_thin_things(name: str) -> None:
-    """Plain floor below bars and plates looks alike at many depths: few near views agree on wrong ones."""
+    """Plain floor below bars and plates looks alike at many depths: few near views agree on wrong depths."""
     scene = load_scene(name)
     surface = scene.true_surfaces(0.01 * scene.extent).centre.double()
     points, _, _ = swept_points(

@@ -43,7 +43,7 @@ def test_the_attributes_are_those_of_the_program_in_its_order(form: str, tmp_pat
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_colours_are_those_of_a_display(form: str, tmp_path: Path) -> None:
+def test_colours_are_in_display_srgb(form: str, tmp_path: Path) -> None:
     surfels = some_surfels()
     linear = torch.tensor([0.8, 0.214, 0.01])
     surfels.sh.zero_()

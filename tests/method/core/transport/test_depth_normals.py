@@ -39,7 +39,7 @@ def degrees(ours: torch.Tensor, theirs: torch.Tensor) -> torch.Tensor:
 
 
 ROOF = [(plane(1.0, 0.2, 1.0), 3.0), (plane(-1.0, 0.1, 1.0), 3.0)]
-"""Two planes that meet in a crease across the image, nearer to the camera on either side of it."""
+"""Two planes that meet in a crease across the image and come nearer to the camera on both sides of it."""
 
 
 def test_both_find_the_normal_of_a_plane_seen_at_an_angle() -> None:
@@ -78,7 +78,7 @@ def test_a_pixel_without_a_neighbour_has_no_normal() -> None:
     assert not bool(one_sided_normals(points, torch.where(solid, depth, 0.0), solid, CENTRE).any())
 
 
-def test_the_gradient_is_that_of_finite_differences() -> None:
+def test_the_gradient_agrees_with_finite_differences() -> None:
     points, depth, _ = seen(ROOF)
     everywhere = torch.ones(SIZE, SIZE, dtype=torch.bool)
     weight = torch.randn(SIZE, SIZE, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
@@ -95,7 +95,7 @@ def test_the_gradient_is_that_of_finite_differences() -> None:
     assert float((points.grad * shift).sum()) == pytest.approx(float(difference), rel=1e-5)
 
 
-def test_a_half_covered_pixel_shows_half_of_what_a_covered_one_does() -> None:
+def test_a_half_covered_pixel_shows_half_the_values() -> None:
     radiance = torch.tensor([0.5, 0.2, 0.05]).expand(1, 2, 3)
     alpha = torch.tensor([[1.0, 0.5]])
     whole, half = displayed(radiance * alpha[..., None], alpha)[0]

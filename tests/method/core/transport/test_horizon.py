@@ -26,7 +26,7 @@ def grid(side: int) -> torch.Tensor:
 
 
 def askew(normal: torch.Tensor, degrees: float, seed: int = 0) -> torch.Tensor:
-    """Each normal tilted by that angle, to a side that is drawn at random."""
+    """Each normal tilted by the angle, in a random direction."""
     drawn = torch.randn(normal.shape, generator=torch.Generator().manual_seed(seed))
     side = normalize(drawn - (drawn * normal).sum(-1, keepdim=True) * normal, dim=-1)
     return math.cos(math.radians(degrees)) * normal + math.sin(math.radians(degrees)) * side
@@ -74,7 +74,7 @@ def test_it_is_the_mean_over_the_nearest_weighted_by_opacity() -> None:
         assert float(angle(found, mean / mean.norm())) < 0.1
 
 
-def test_what_no_ray_can_meet_is_nobodys_neighbour() -> None:
+def test_unhittable_surfels_are_not_neighbours() -> None:
     up = torch.tensor([0.0, 0.0, 1.0]).expand(100, 3)
     sound = surfels_facing(grid(10), askew(up, 20))
     expected = horizon(sound)

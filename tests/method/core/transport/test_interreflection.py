@@ -210,7 +210,7 @@ def test_hits_that_do_not_fit_are_traced_anew_and_nothing_else_changes(monkeypat
     assert anew.work["rays"] == 6 * kept.work["rays"]
 
 
-def test_a_plan_decides_what_is_traced() -> None:
+def test_a_plan_decides_which_rays_are_traced() -> None:
     box, light = open_box(), sky_with_sun()
     whole = bounced(box, 0.6, light, 3)
     without = bounced(box, 0.6, light, 3, plan=EffectPlan(indirect=False))
@@ -229,7 +229,7 @@ def test_all_surfels_of_a_transparent_cloud_stay_dark() -> None:
 def test_a_wall_hides_the_directions_that_end_on_it_and_is_met_where_it_faces_the_surfel() -> None:
     """Equal surfels look up between two walls that look to -X: before one, and behind the other, mirrored one.
 
-    The whole is turned, so that the horizon is not that of the world's directions. Each surfel draws others of them.
+    The whole is rotated, so that the horizon is not aligned with the world's axes. Each surfel draws other directions.
     """
     turn = torch.linalg.qr(torch.tensor([[0.3, 0.9, 0.1], [-0.5, 0.2, 0.8], [0.8, -0.1, 0.6]]))[0]
     y, z = torch.meshgrid(torch.arange(-0.3, 0.95, 0.1), torch.arange(0.1, 0.75, 0.1), indexing="ij")

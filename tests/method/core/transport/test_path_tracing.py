@@ -69,7 +69,7 @@ def tracer_over(surfels: Surfels, albedo: float, light: EnvironmentMap, seed: in
 
 @pytest.mark.parametrize("roughness", [0.1, 0.3, 0.8])
 @pytest.mark.parametrize("height", [0.9, 0.2])
-def test_the_density_of_directions_is_that_of_a_probability(roughness: float, height: float) -> None:
+def test_the_density_of_directions_integrates_to_at_most_one(roughness: float, height: float) -> None:
     """It integrates to 1, but for directions of the lobe that end below the surface."""
     one = surfels_facing(torch.zeros(1, 3), UP[None])
     one.roughness_logit = torch.full((1,), inverse_sigmoid(roughness))

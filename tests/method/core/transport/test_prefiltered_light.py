@@ -42,7 +42,7 @@ def test_a_constant_light_stays_the_same_constant_at_every_roughness(height: int
 
 
 def test_irradiance_is_the_closed_form_under_a_gradual_light() -> None:
-    """Over pi, a cosine lobe keeps 2/3 of what is linear in direction and 1/4 of what is of second order."""
+    """Over pi, a cosine lobe keeps 2/3 of the terms linear in direction and 1/4 of the second-order terms."""
     normal = unit(300)
     x, y, z = normal.unbind(-1)
     second = (0.3 * x * y + 0.4 * (z * z - 1 / 3)) / 4
@@ -94,7 +94,7 @@ def test_levels_join_without_a_step() -> None:
 
 
 @pytest.mark.parametrize("roughness", [0.1, 0.25, 0.4, 0.7, 1.0])
-def test_the_integral_of_the_brdf_is_that_of_the_quadrature(roughness: float) -> None:
+def test_the_integral_of_the_brdf_agrees_with_quadrature(roughness: float) -> None:
     """F0 A + B against the lobe itself summed over directions; the table's 32 x 32 grid is worth 1e-2 near grazing."""
     for view_cosine, tolerance in ((0.05, 1e-2), (0.2, 3e-3), (0.5, 2e-3), (0.95, 2e-3)):
         wo, wi, solid_angle = lobe_quadrature(view_cosine, roughness)
@@ -119,7 +119,7 @@ def test_the_integral_of_the_brdf_is_that_of_the_quadrature(roughness: float) ->
 def test_both_maskings_have_the_values_of_an_independent_quadrature(
     masking: Masking, roughness: float, grazing: float, oblique: float
 ) -> None:
-    """F0 A + B at n.wo = 0.1, where the maskings differ most, and at 0.5; that of GS-IR's table is the first."""
+    """F0 A + B at n.wo = 0.1, where the maskings differ most, and at 0.5; GS-IR's table has the first."""
     view_cosine, rough = torch.tensor([0.1, 0.5], dtype=F64), torch.full((2,), roughness, dtype=F64)
     scale, bias = brdf_integrals(view_cosine, rough, masking).unbind(-1)
     found = (FRESNEL_NORMAL * scale + bias).tolist()

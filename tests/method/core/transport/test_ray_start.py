@@ -47,7 +47,7 @@ def test_a_small_occluder_close_to_a_plane_is_found(height: float) -> None:
     assert sight(floor, 0, UP) == 1.0
 
 
-def test_what_lies_within_a_standard_deviation_is_the_same_surface() -> None:
+def test_surfels_within_a_standard_deviation_are_the_same_surface() -> None:
     _, both = under_a_lid(0.6)
     assert sight(both, 0, UP) == 1.0
 

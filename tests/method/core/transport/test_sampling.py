@@ -98,7 +98,7 @@ def test_the_random_direction_is_uniform_over_the_hemisphere() -> None:
 
 
 def one_of_each_set(sampler: LightSampler, sets: int) -> torch.Tensor:
-    """A random direction of each set of five: those of one set are not independent."""
+    """A random direction of each set of five: directions of one set are not independent."""
     drawn = sampler.draw(sets, 5, seeded())
     return drawn[torch.arange(sets), torch.randint(5, (sets,), generator=seeded(1))]
 
@@ -169,7 +169,7 @@ def test_a_sun_in_one_texel_is_found_by_three_draws_of_four() -> None:
 
 
 def test_the_dark_texels_of_a_large_map_are_drawn_as_often_as_they_should() -> None:
-    """Half of the light is spread over half a million texels behind a bright one, and those around it."""
+    """Half of the light is spread over half a million texels behind a bright one and around it."""
     radiance = torch.ones(512, 1024, 3)
     area = texel_solid_angles(512, 1024)[:, 0]
     shared = (6 * area[200] + area[199] + area[201]) / 8

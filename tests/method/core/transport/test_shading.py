@@ -145,7 +145,7 @@ def test_radiance_that_a_matt_surface_sends_in_a_furnace_is_consistent() -> None
         EffectPlan().without("specular").without("indirect"),
     ],
 )
-def test_what_a_probe_judges_is_what_rendering_does(plan: EffectPlan) -> None:
+def test_a_probe_shades_like_rendering(plan: EffectPlan) -> None:
     surfels, light = (
         surfels_over([Sphere((0.0, 0.0, s), 0.4, Material((0.6, 0.5, 0.4), 0.7)) for s in (-0.5, 0.5)], 0.2),
         sky(),

@@ -55,7 +55,7 @@ def test_bounds_are_infinite_for_too_few_values() -> None:
     assert bootstrap_t(torch.full((1, 50), 2.0), LEVEL, generator)[1] == 2.0
 
 
-def test_bounds_equal_those_of_explicit_resamples() -> None:
+def test_bounds_agree_with_explicit_resamples() -> None:
     level, count = 0.05, 12
     values = torch.rand(count, dtype=torch.float64, generator=torch.Generator().manual_seed(5)).square()
     mean, error = float(values.mean()), float(values.std()) / math.sqrt(count)

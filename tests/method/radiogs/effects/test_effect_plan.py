@@ -81,7 +81,7 @@ def test_a_list_of_all_effects_is_the_full_method(initialised: dict[str, Any]) -
 
 
 @pytest.mark.parametrize("off", ["visibility", "indirect"])
-def test_without_one_of_both_the_other_comes_from_the_same_rays(initialised: dict[str, Any], off: str) -> None:
+def test_visibility_or_indirect_light_alone_uses_the_same_rays(initialised: dict[str, Any], off: str) -> None:
     surfels = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised).model.surfels
     tracer = SurfelTracer(surfels)
     whole = gather_incident(tracer, surfels, 8, None)
@@ -109,7 +109,7 @@ def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> In
 
 
 def stepped(stage: InverseRendering) -> Incident:
-    """The cached light after twelve steps, one of them with a refresh."""
+    """The cached light after twelve steps, including one refresh."""
     for _ in range(12):
         stage.step()
     return stage.cache.incident
@@ -171,9 +171,7 @@ def test_light_is_kept_after_a_probe_removed_all_rays_along_directions_that_are_
 
 @pytest.mark.slow
 @pytest.mark.parametrize("plan", [NO_RAYS, EffectPlan()])
-def test_the_light_that_arrives_is_that_of_the_cache_in_every_step(
-    initialised: dict[str, Any], plan: EffectPlan
-) -> None:
+def test_arriving_light_comes_from_the_cache_in_every_step(initialised: dict[str, Any], plan: EffectPlan) -> None:
     """It is kept from step to step, and brought up to date where directions were drawn anew: at a refresh, too."""
     ended = []
     for anew in (False, True):

@@ -79,7 +79,7 @@ def test_without_a_difference_between_images_a_gradient_keeps_the_rays() -> None
     assert record.verdict == "on"
 
 
-def test_the_lobe_of_rough_surfaces_is_left_out_and_that_of_smooth_ones_is_kept() -> None:
+def test_lobes_of_rough_surfaces_are_left_out_and_of_smooth_ones_kept() -> None:
     for roughness in (0.98, 0.2):
         balls = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.9, 0.9, 0.9), roughness))], 0.12)
         plan = found(seen(balls, sky(sun=8.0), noise=0.1), effects=("specular",)).plan

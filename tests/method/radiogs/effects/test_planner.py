@@ -88,7 +88,7 @@ def test_where_probes_do_not_pay_auto_is_all_and_says_so(initialised: dict[str, 
 
 
 def test_a_ball_that_needs_no_rays_is_trained_with_hardly_any(initialised: dict[str, Any]) -> None:
-    """The rays of the whole training follow from those of its first steps."""
+    """The rays of the whole training are extrapolated from its first steps."""
     planned_rays = {}
     for effects in ("all", "auto"):
         stage = inverse_rendering(Run(SCENE, Variant(effects=effects), PROBED, 0, CPU), initialised)
