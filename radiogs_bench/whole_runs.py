@@ -184,7 +184,7 @@ def table(folder: str | Path, what: Shown = "value") -> pd.DataFrame:
 def gate(folder: str | Path, baseline: str | Path, slow_fails: bool = False) -> pd.DataFrame:
     """Differences between the run in a folder and a baseline, one line each: ``severity``, ``cell``, ``what``.
 
-    Severities are those of docs/reliability.md; the run is worse where one is ``regression``. Raises DataError for results or
+    docs/reliability.md lists severities; the run is worse where one is ``regression``. Raises DataError for results or
     a baseline that cannot be compared.
     """
     path = Path(folder)

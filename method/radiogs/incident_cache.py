@@ -110,17 +110,12 @@ class IncidentCache:
     def gathered(self, model: Model) -> Incident:
         """The light on all surfels along new directions, without gradient."""
         self.tracer.follow(model.surfels)
-        direction, weight = self.all_sets(model)
+        sets = [self.directions(model) for _ in range(self.sets)]
+        direction, weight = (torch.cat(each, 1) for each in zip(*sets, strict=True))
+        weight = weight / self.sets
         if self.kept is None:
             return incident_along(self.tracer, direction, weight, self.plan)
         return self.kept.along(direction, weight)
-
-    def all_sets(
-        self, model: Model, index: Int[Tensor, " chosen"] | None = None
-    ) -> tuple[Float[Tensor, "chosen samples 3"], Float[Tensor, "chosen samples"]]:
-        """New directions in all sets of the surfels at ``index`` (None: all), and their solid angles in steradian."""
-        direction, weight = zip(*(self.directions(model, index) for _ in range(self.sets)), strict=True)
-        return torch.cat(direction, 1), torch.cat(weight, 1) / self.sets
 
     @torch.no_grad()
     def directions(

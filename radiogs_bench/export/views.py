@@ -1,4 +1,4 @@
-"""The views of a trained model as files, in the layout ``plain`` of docs/protocols.md, and a turntable of a relit one."""
+"""The views of a trained model as files, in layout ``plain`` of docs/protocols.md, and a turntable of a relit one."""
 
 import statistics
 from collections import Counter

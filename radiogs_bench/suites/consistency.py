@@ -108,13 +108,11 @@ CONSISTENT: Mapping[str, Values] = {"": {}, "no-rad": {"radiometric_weight": 0.0
 """A row with L_rad, and one without it."""
 
 
-def _both(
-    key: str, text: str, values: Values, recipe: str = "", given: tuple[Part, ...] | None = None
-) -> tuple[Row, ...]:
-    """A row as given, and the same row without L_rad."""
+def _both(key: str, text: str, values: Values, recipe: str = "", *given: Part) -> tuple[Row, ...]:
+    """A row with the parts ``given``, and the same row without L_rad."""
     return tuple(
         Row(f"{key}-{without}".rstrip("-"), "", f"{text}, λ_rad = 0" if without else text, {**values, **change},
-            recipe=recipe, given=given)
+            recipe=recipe, given=given or None)
         for without, change in CONSISTENT.items()
     )  # fmt: skip
 
@@ -191,7 +189,7 @@ CLOSED = Suite(
     rows=(
         *ABLATIONS.rows[:2],
         *_both("held", "light sought and held", SOUGHT),
-        *_both("true", "true light, held", {}, given=("light",)),
+        *_both("true", "true light, held", {}, "", "light"),
         *_both("constant", "constant light, held", {"materials.rates.constant_light": 0.0}),
     ),
     columns=(*EVERY_PART, *metrics("environment/error", "scale/factor")),

@@ -92,10 +92,6 @@ class CoveredPixels:
         """Blended linear radiance of these pixels in display sRGB on black, encoded as in training."""
         return displayed(linear[None], self.alpha[None], self.straight)[0]
 
-    def tile_means(self, values: Float[Tensor, "pixels quantities"]) -> Float[Tensor, "quantities tiles"]:
-        """Means over all TILE x TILE pixels of each tile; pixels without a surface count as zero."""
-        return torch.segment_reduce(values.contiguous(), "sum", lengths=self.tiles).mT / TILE**2
-
 
 @dataclass(frozen=True)
 class TileErrors:
@@ -150,7 +146,8 @@ def tile_errors(
         reduced = reduced * light_factor(reduced, full.linear)
     change = pixels.displayed(reduced) - full.display
     rise = change * (change + 2 * full.residual)
-    difference, risen = pixels.tile_means(torch.stack([change.square().mean(-1), rise.mean(-1)], -1))
+    means = torch.stack([change.square().mean(-1), rise.mean(-1)], -1)
+    difference, risen = torch.segment_reduce(means, "sum", lengths=pixels.tiles).mT / TILE**2
     return TileErrors(difference, risen, pixels.tiles.to(difference))
 
 
